@@ -1,0 +1,223 @@
+"""The command `fredholm`; with `derive.report` the only module here that knows the numeric layer."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import os
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from derive.derivation import Derivation, derive_amplitude_equation
+from derive.files import write_text
+from derive.problem import DerivationError, Problem, ProblemError, bundled_names, load_problem
+from numerics.coefficients import ROUTES, Result, evaluate
+from numerics.precision import EvaluationError
+
+MISTAKES = (ProblemError, DerivationError, EvaluationError)
+
+
+def one_line(mistake: BaseException) -> str:
+    """Return a message on one line."""
+    return " ".join(str(mistake).split())
+
+
+class Command(click.Group):
+    """A group whose mistakes end with one line on standard error and exit status 2, never with a traceback."""
+
+    def main(self, *arguments: Any, **options: Any) -> Any:
+        options["standalone_mode"] = False
+        try:
+            status = super().main(*arguments, **options)
+            sys.stdout.flush()
+            sys.exit(status if isinstance(status, int) else 0)
+        except MISTAKES as mistake:
+            fail(one_line(mistake))
+        except click.exceptions.NoArgsIsHelpError as mistake:
+            click.echo(mistake.format_message())
+            sys.exit(0)
+        except click.ClickException as mistake:
+            fail(one_line(Exception(mistake.format_message())))
+        except (click.exceptions.Abort, KeyboardInterrupt):
+            fail("interrupted; nothing that was there before is changed", 130)
+        except click.exceptions.Exit as done:
+            sys.exit(done.exit_code)
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            sys.exit(1)
+        except OSError as mistake:
+            fail(f"{mistake.filename or 'output'}: {mistake.strerror or mistake}")
+        except RecursionError:
+            fail("the expressions of the problem are nested too deeply; write them with named intermediate fields")
+        except MemoryError:
+            fail("out of memory; ask for fewer digits")
+
+
+def fail(message: str, status: int = 2) -> None:
+    """Write one line to standard error and leave."""
+    click.echo(f"fredholm: {message}", err=True)
+    sys.exit(status)
+
+
+@click.group(cls=Command, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="fredholm", prog_name="fredholm")
+def main() -> None:
+    """From governing equations to the amplitude equation that rules the onset of instability."""
+
+
+def loaded(target: str) -> Problem:
+    """Return the problem; what the file prints goes to standard error, so that standard output stays ours."""
+    out, sys.stdout = sys.stdout, sys.stderr
+    try:
+        return load_problem(target)
+    finally:
+        sys.stdout = out
+
+
+def derived(target: str) -> Derivation:
+    """Return the derivation of a target."""
+    return derive_amplitude_equation(loaded(target))
+
+
+@main.command(name="list")
+def list_models() -> None:
+    """List the bundled models, a line each."""
+    for name in bundled_names():
+        text = load_model_title(name)
+        click.echo(f"{name:24}{text}")
+
+
+def load_model_title(name: str) -> str:
+    """Return the first line of a model's docstring, without running it."""
+    import ast
+
+    from derive.problem import MODELS
+
+    document = ast.get_docstring(ast.parse((MODELS / f"{name}.py").read_text(encoding="utf-8"))) or ""
+    return document.split("\n")[0]
+
+
+def targets_of(targets: Sequence[str], everything: bool) -> tuple[str, ...]:
+    """Return the targets, or all bundled models."""
+    if everything:
+        return (*bundled_names(), *targets)
+    if not targets:
+        raise click.UsageError("found no TARGET; expected a bundled model, the path of a problem file, or --all")
+    return tuple(targets)
+
+
+@main.command()
+@click.argument("targets", nargs=-1)
+@click.option("--all", "everything", is_flag=True, help="All bundled models.")
+@click.option("--out", default="generated", show_default=True, help="Folder to write to.")
+@click.option("--check", is_flag=True, help="Write nothing; show what differs and exit 1 if anything does.")
+def derive(targets: tuple[str, ...], everything: bool, out: str, check: bool) -> int:
+    """Write NAME.py and NAME.tex."""
+    from derive.latex import document
+
+    differs = False
+    folder = Path(out)
+    pending: list[tuple[Path, str]] = []
+    for target in targets_of(targets, everything):
+        derivation = derived(target)
+        stem = derivation.problem.name
+        pending += [(folder / f"{stem}.py", derivation.emit()), (folder / f"{stem}.tex", document(derivation))]
+    for path, text in pending:
+        if not check:
+            write_text(path, text)
+            click.echo(path)
+            continue
+        before = path.read_text(encoding="utf-8") if path.is_file() else ""
+        if before != text:
+            differs = True
+            lines = difflib.unified_diff(before.splitlines(), text.splitlines(), f"{path} (there)", f"{path} (derived now)", lineterm="")
+            click.echo("\n".join(lines))
+    return 1 if differs else 0
+
+
+@main.command()
+@click.argument("target")
+@click.option("--part", type=click.Choice(["statement", "orders", "adjoint", "solvability", "amplitude", "all"]), default="all", show_default=True)
+@click.option("--order", default=None, help="One order only: 1/2, 1, 3/2, ...")
+def latex(target: str, part: str, order: str | None) -> None:
+    """LaTeX of a part of the derivation, on standard output; it compiles inside amsmath."""
+    click.echo(derived(target).latex(part, order))
+
+
+def coefficients_of(target: str, digits: int, route: str, certify: bool) -> tuple[Derivation, Result]:
+    """Return derivation and result; the time of the derivation is in the result."""
+    from dataclasses import replace
+    from types import MappingProxyType
+
+    started = time.perf_counter()
+    derivation = derived(target)
+    text = derivation.emit()
+    seconds = time.perf_counter() - started
+    result = evaluate(text, digits=digits, route=route, certify=certify)
+    return derivation, replace(result, seconds=MappingProxyType({**result.seconds, "derive": seconds}))
+
+
+@main.command()
+@click.argument("target")
+@click.option("--digits", default=15, show_default=True, type=int, help="Significant digits of the modulus.")
+@click.option("--route", default="auto", show_default=True, type=click.Choice(ROUTES))
+@click.option("--certify", is_flag=True, help="Prove the error bounds, or say why they cannot be proved.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def coefficients(target: str, digits: int, route: str, certify: bool, as_json: bool) -> None:
+    """Threshold and coefficients, right to the digits asked for."""
+    _, result = coefficients_of(target, digits, route, certify)
+    for warning in result.warnings:
+        click.echo(f"fredholm: warning: {warning}", err=True)
+    if as_json:
+        click.echo(json.dumps(result.as_dict()))
+        return
+    threshold = result.threshold
+    click.echo(f"{result.problem}: {threshold.kind} bifurcation, multiplicity {threshold.multiplicity}, route {result.route}")
+    click.echo(f"  control    {threshold.control}")
+    if threshold.frequency is not None:
+        click.echo(f"  frequency  {threshold.frequency}")
+    for one in result.coefficients:
+        title = one.monomial if one.name == one.monomial else f"{one.name}  ({one.monomial})"
+        click.echo(f"  {title} = {one.value!r}   error {one.error}")
+
+
+@main.command()
+@click.argument("targets", nargs=-1, required=True)
+@click.option("--digits", default=15, show_default=True, type=int)
+def check(targets: tuple[str, ...], digits: int) -> int:
+    """Compare with published values; exit 1 on a disagreement."""
+    from numerics.comparison import compare, reference_of
+
+    agree = True
+    for target in targets:
+        reference = reference_of(loaded(target).name)
+        if reference is None:
+            click.echo(f"{target}: no published values")
+            continue
+        derivation, result = coefficients_of(target, digits, "auto", False)
+        comparison = compare(result, reference)
+        click.echo(comparison.text())
+        agree = agree and comparison.agrees
+        del derivation
+    return 0 if agree else 1
+
+
+@main.command()
+@click.argument("target")
+@click.option("--out", default=None, help="Folder to write to (default: NAME-report).")
+@click.option("--digits", default=30, show_default=True, type=int)
+def reproduce(target: str, out: str | None, digits: int) -> int:
+    """The main job: derivation, emitted code, coefficients by every route and the comparison, in one folder."""
+    from derive.report import reproduce as run
+
+    say: Callable[[str], None] = lambda text: click.echo(text, err=True) if sys.stderr.isatty() else None  # noqa: E731
+    return run(loaded(target), Path(out) if out else None, digits, say, click.echo)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,384 @@
+r"""The first loss of stability, to the accuracy of a double: kind, weight, control and frequency.
+
+The eigenvalue problem :math:`y' = P(s;\lambda) y` with its boundary rows is discretised in integrated form (the unknowns are
+the slopes at Chebyshev nodes and the state at the left end), which does not lose digits with the number of nodes. Infinite
+eigenvalues are removed by keeping only the equations that hold lambda. What is found here fixes the *form* of the derivation;
+the digits come from `numerics.threshold`.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigvals, lu_factor, lu_solve
+from scipy.optimize import brentq, minimize_scalar
+from sympy import Expr, I, Poly, Symbol, fraction, lambdify, lcm, together
+
+from derive.operator import LAMBDA, FirstOrderOperator
+from derive.ordinary import AlgebraicOperator
+from derive.problem import DerivationError, Formulation, ProblemError
+
+SCAN = 61
+NODES = (28, 44, 72, 120, 200)
+AXIS = 1e-6
+SHIFT = 0.6180339887498949
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Onset:
+    """The first loss of stability.
+
+    `kind` is "hopf" or "steady"; `weight` that of the critical mode under rotations; `control` and `frequency` are doubles.
+    """
+
+    kind: str
+    weight: int
+    control: float
+    frequency: float | None
+    other_eigenvalues: tuple[complex, ...]  # the rightmost of those that stay stable
+
+
+class Pencil:
+    """The coefficients of lambda^k in one weight's equations, as NumPy functions of (s, control)."""
+
+    def __init__(self, operator: FirstOrderOperator | AlgebraicOperator, formulation: Formulation) -> None:
+        self.spatial = isinstance(operator, FirstOrderOperator)
+        self.interval = tuple(float(end) for end in formulation.interval) if formulation.interval else (0.0, 0.0)
+        self.size = operator.size
+        self.formulation = formulation
+        if isinstance(operator, FirstOrderOperator):
+            rows = [[*row, None] for row in operator.matrix]
+            polynomials = [polynomial_row([*row[:-1]], True) for row in rows]
+            ends = [polynomial_row(list(row), False) for row in operator.left.matrix], [polynomial_row(list(row), False) for row in operator.right.matrix]
+            self.counts = (len(ends[0]), len(ends[1]))
+            table = polynomials + ends[0] + ends[1]
+        else:
+            table = [polynomial_row(list(row), False) for row in operator.matrix]
+            self.counts = (0, 0)
+        self.degree = max((len(entry) - 1 for row in table for entry in row), default=0)
+        flat = [entry[k] if k < len(entry) else 0 for row in table for entry in row for k in range(self.degree + 1)]
+        self.width = [len(row) for row in table]
+        values = {symbol: value for symbol, value in formulation.parameters.items()}
+        arguments = (formulation.space, formulation.control)
+        exacts = [entry.subs(values) if isinstance(entry, Expr) else entry for entry in flat]
+        self.entries: Callable[..., Sequence[Any]] = lambdify(arguments, exacts, modules=["scipy", "numpy"], cse=False)
+
+    def table(self, s: NDArray[np.float64] | float, control: float) -> list[list[list[NDArray[np.complex128]]]]:
+        """Return [row][column][power of lambda] at the nodes `s`."""
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            values = [np.broadcast_to(np.asarray(value, dtype=complex), np.shape(s)) for value in self.entries(s, control + 0j)]
+        if not all(np.all(np.isfinite(value)) for value in values):
+            raise FloatingPointError
+        iterator = iter(values)
+        return [[[next(iterator) for _ in range(self.degree + 1)] for _ in range(width)] for width in self.width]
+
+    def matrices(self, control: float, nodes: int) -> list[NDArray[np.complex128]]:
+        """Return the matrices K_0, K_1, ... of the discretised problem sum_k lambda^k K_k v = 0."""
+        n = self.size
+        if not self.spatial:
+            table = self.table(0.0, control)
+            return [np.array([[table[i][j][k] for j in range(n)] for i in range(n)], dtype=complex) for k in range(self.degree + 1)]
+        left, right = self.interval
+        points, cumulative = integration(nodes)
+        points, cumulative = left + (right - left) * (points + 1) / 2, cumulative * (right - left) / 2
+        table = self.table(points, control)
+        ends = [self.table(np.array([place]), control) for place in (left, right)]
+        total = n * (nodes + 1)
+        result = []
+        for k in range(self.degree + 1):
+            matrix = np.zeros((total, total), dtype=complex)
+            for i in range(n):
+                rows = slice(i * nodes, (i + 1) * nodes)
+                for j in range(n):
+                    entry = table[i][j][k]
+                    if np.any(entry):
+                        matrix[rows, j * nodes:(j + 1) * nodes] -= entry[:, None] * cumulative[:-1]
+                        matrix[rows, n * nodes + j] -= entry
+                matrix[rows, rows] += np.diag(table[i][n][k])
+            row = n * nodes
+            for side in (0, 1):
+                start = n + (0 if side == 0 else self.counts[0])
+                for i in range(self.counts[side]):
+                    for j in range(n):
+                        entry = ends[side][start + i][j][k][0]
+                        if side == 1:
+                            matrix[row, j * nodes:(j + 1) * nodes] += entry * cumulative[-1]
+                        matrix[row, n * nodes + j] += entry
+                    row += 1
+            result.append(matrix)
+        return result
+
+    def eigenvalues(self, control: float, nodes: int) -> NDArray[np.complex128]:
+        """Return the finite eigenvalues at one control and one resolution."""
+        if self.size == 0:
+            return np.zeros(0, dtype=complex)
+        matrices = self.matrices(control, nodes)
+        held = np.flatnonzero(sum((np.abs(matrix).sum(axis=1) for matrix in matrices[1:]), np.zeros(len(matrices[0]))))
+        if not len(held):
+            return np.zeros(0, dtype=complex)
+        shift = SHIFT
+        degree = len(matrices) - 1
+        # Coefficients in mu = lambda - shift.
+        shifted = []
+        for k in range(degree + 1):
+            total = np.zeros_like(matrices[0])
+            for power in range(k, degree + 1):
+                total = total + matrices[power] * (binomial(power, k) * shift ** (power - k))
+            shifted.append(total)
+        scale = np.abs(shifted[0]).max(axis=1)
+        scale[scale == 0] = 1
+        identity = np.zeros((len(scale), len(held)), dtype=complex)
+        identity[held, np.arange(len(held))] = 1 / scale[held]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            inverse = lu_solve(lu_factor(shifted[0] / scale[:, None]), identity)
+        if not np.all(np.isfinite(inverse)):
+            return np.array([np.nan + 0j])
+        m = len(held)
+        companion = np.zeros((degree * m, degree * m), dtype=complex)
+        for k in range(1, degree + 1):
+            companion[:m, (k - 1) * m:k * m] = -(shifted[k][held] @ inverse)
+        companion[m:, :-m] = np.eye((degree - 1) * m)
+        theta = eigvals(companion)
+        theta = theta[np.abs(theta) > 1e-13 * max(1.0, float(np.abs(theta).max(initial=0.0)))]
+        return shift + 1 / theta
+
+
+def binomial(n: int, k: int) -> int:
+    """Return n over k."""
+    from math import comb
+
+    return comb(n, k)
+
+
+def polynomial_row(entries: list[Expr], slope: bool) -> list[list[Expr]]:
+    """Return the coefficients in lambda of a row, over its common denominator (appended as the last entry for a slope row)."""
+    denominator: Expr = together(entries[0] * 0 + 1)
+    fractions = [fraction(together(entry)) if LAMBDA in entry.free_symbols else (entry, denominator * 0 + 1) for entry in entries]
+    for _, bottom in fractions:
+        if LAMBDA in bottom.free_symbols:
+            denominator = lcm(denominator, bottom)
+    result = []
+    for (top, bottom), entry in zip(fractions, entries, strict=True):
+        numerator = entry if denominator == 1 else together(top * denominator / bottom)
+        result.append(in_lambda(numerator))
+    if slope:
+        result.append(in_lambda(denominator))
+    elif denominator != 1:
+        pass
+    return result
+
+
+def in_lambda(expression: Expr) -> list[Expr]:
+    """Return the coefficients of lambda^0, lambda^1, ..."""
+    if LAMBDA not in expression.free_symbols:
+        return [expression]
+    return [coefficient.as_expr() for coefficient in reversed(Poly(expression, LAMBDA).all_coeffs())]
+
+
+_TABLES: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
+
+
+def integration(nodes: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return Chebyshev nodes on (-1, 1) and the matrix of integrals from -1 to each node and, last, to 1."""
+    if nodes not in _TABLES:
+        points = -np.cos((2 * np.arange(nodes) + 1) * np.pi / (2 * nodes))
+        vandermonde = np.polynomial.chebyshev.chebvander(points, nodes - 1)
+        inverse = vandermonde.T * (2.0 / nodes)
+        inverse[0] /= 2
+        ends = np.append(points, 1.0)
+        integrals = np.empty((nodes + 1, nodes))
+        for k in range(nodes):
+            unit = np.zeros(nodes)
+            unit[k] = 1
+            primitive = np.polynomial.chebyshev.chebint(unit, lbnd=-1)
+            integrals[:, k] = np.polynomial.chebyshev.chebval(ends, primitive)
+        _TABLES[nodes] = (points, integrals @ inverse)
+    return _TABLES[nodes]
+
+
+class Spectrum:
+    """The rightmost eigenvalues of all weights, resolved."""
+
+    def __init__(self, operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], formulation: Formulation) -> None:
+        self.pencils = {weight: Pencil(operator, formulation) for weight, operator in operators.items()}
+        self.formulation = formulation
+        self.level = 0
+        self.bases = lambdify((formulation.space, formulation.control), [base.subs(formulation.parameters) for base in formulation.base], modules=["scipy", "numpy"])
+
+    def rightmost(self, control: float) -> list[tuple[complex, int]]:
+        """Return the converged eigenvalues (value, weight), rightmost first.
+
+        Raises
+        ------
+        FloatingPointError
+            The base state or a coefficient is not finite and real there.
+        """
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            place = np.linspace(float(self.formulation.interval[0]), float(self.formulation.interval[1]), 7) if self.formulation.interval else 0.0
+            for value in self.bases(place, control + 0j):
+                value = np.asarray(value, dtype=complex)
+                if not np.all(np.isfinite(value)) or np.any(np.abs(value.imag) > 1e-9 * (1 + np.abs(value))):
+                    # components across the axis are complex by construction but vanish
+                    raise FloatingPointError
+        found: list[tuple[complex, int]] = []
+        for weight, pencil in self.pencils.items():
+            if weight < 0 and -weight in self.pencils:
+                continue
+            found.extend((value, weight) for value in self.resolved(pencil, control))
+        return sorted(found, key=lambda pair: (-pair[0].real, -pair[0].imag))
+
+    def resolved(self, pencil: Pencil, control: float) -> list[complex]:
+        if not pencil.spatial:
+            return [complex(value) for value in pencil.eigenvalues(control, 0)]
+        while True:
+            coarse = pencil.eigenvalues(control, NODES[self.level])
+            fine = pencil.eigenvalues(control, NODES[self.level + 1])
+            good = []
+            lost = False
+            for value in sorted(fine, key=lambda z: -z.real)[:40]:
+                near = np.min(np.abs(coarse - value)) if len(coarse) else np.inf
+                if near <= 1e-5 * (1 + abs(value)):
+                    good.append(complex(value))
+                elif value.real > -1 and abs(value) < 1e7 and not good:
+                    lost = True
+                    break
+            if not lost or self.level + 2 >= len(NODES):
+                return good
+            self.level += 1
+
+    def growth(self, control: float) -> float:
+        """Return the largest real part."""
+        values = self.rightmost(control)
+        return values[0][0].real if values else -np.inf
+
+
+def find_onset(operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], formulation: Formulation) -> Onset:
+    """Return the first loss of stability from the lower end of the control range.
+
+    Raises
+    ------
+    ProblemError
+        The base state is not strictly stable at the lower end, or stays stable in the whole range.
+    DerivationError
+        The critical eigenvalue is not simple (or, with a rotation axis, not double), or others lie on the axis too.
+    """
+    spectrum = Spectrum(operators, formulation)
+    name = formulation.problem.control
+    low, high = (float(end) for end in formulation.control_range)
+    try:
+        start = spectrum.rightmost(low)
+    except FloatingPointError:
+        raise ProblemError(f"base_state: found no finite real state at {name} = {formulation.control_range[0]}; expected one at the lower end of control_range") from None
+    if not start:
+        raise ProblemError("equations: found no eigenvalue at all; expected equations with time derivatives that can lose stability")
+    scale = max(1.0, min(abs(start[0][0]), 1e6))
+    if start[0][0].real >= -1e-9 * scale:
+        raise ProblemError(f"control_range: found the eigenvalue {shown(start[0][0])} at {name} = {formulation.control_range[0]}; expected a base state that is "
+                           "strictly stable at the lower end; lower it, or remove the neutral or unstable mode")
+    grid = np.linspace(low, high, SCAN)
+    previous, growth_before = low, start[0][0].real
+    bracket: tuple[float, float] | None = None
+    history = [(low, growth_before)]
+    for control in grid[1:]:
+        try:
+            growth = spectrum.growth(float(control))
+        except FloatingPointError:
+            bracket = singular_end(spectrum, previous, float(control), name)
+            break
+        history.append((float(control), growth))
+        if growth > 0:
+            bracket = (previous, float(control))
+            break
+        previous = float(control)
+        if len(history) >= 3 and history[-2][1] > max(history[-1][1], history[-3][1]):
+            peak = minimize_scalar(lambda c: -spectrum.growth(float(c)), bounds=(history[-3][0], history[-1][0]), method="bounded",
+                                   options={"xatol": 1e-6 * (high - low)})
+            if -peak.fun > 0:
+                bracket = (history[-3][0], float(peak.x))
+                break
+    if bracket is None:
+        last = history[-1]
+        raise ProblemError(f"control_range: found no loss of stability between {formulation.control_range[0]} and {formulation.control_range[1]} (largest growth rate "
+                           f"{max(value for _, value in history):.6g}, at the upper end {last[1]:.6g}); expected one; widen control_range")
+    threshold = bracket[0]
+    if bracket[1] > bracket[0]:
+        threshold = float(brentq(spectrum.growth, *bracket, xtol=1e-13 * max(abs(bracket[0]), abs(bracket[1]), 1e-300), rtol=1e-14))
+    return classify(spectrum, threshold, bracket, formulation)
+
+
+def singular_end(spectrum: Spectrum, inside: float, outside: float, name: Symbol) -> tuple[float, float]:
+    """Return the last control with a real base state, if stability is lost before it; refuse a fold."""
+    for _ in range(200):
+        middle = (inside + outside) / 2
+        if middle in (inside, outside):
+            break
+        try:
+            growth = spectrum.growth(middle)
+        except FloatingPointError:
+            outside = middle
+            continue
+        if growth > 0:
+            return (inside, middle)
+        inside = middle
+    raise DerivationError(f"base_state: found a state that ends (is no longer finite and real) at {name} = {inside:.12g}, before any loss of stability; "
+                          f"the rightmost eigenvalue there is {shown(spectrum.rightmost(inside)[0][0])}: a fold, whose normal form is not of this class")
+
+
+def shown(value: complex) -> str:
+    """Return an eigenvalue for a message."""
+    real = f"{value.real:.6g}"
+    return real if abs(value.imag) <= 1e-9 * (1 + abs(value)) else f"{real} {'+' if value.imag > 0 else '-'} {abs(value.imag):.6g}i"
+
+
+def classify(spectrum: Spectrum, threshold: float, bracket: tuple[float, float], formulation: Formulation) -> Onset:
+    """Tell what kind of bifurcation it is, or refuse it by name."""
+    values = spectrum.rightmost(threshold)
+    name = formulation.problem.control
+    scale = max(1e-12, *(abs(value) for value, _ in values[:1]))
+    # An eigenvalue is on the axis when it moves there within the uncertainty of the threshold: a defective one moves as a square root.
+    tolerance = AXIS * max(1.0, scale)
+    critical = [(value, weight) for value, weight in values if abs(value.real) <= tolerance]
+    rest = tuple(value for value, weight in values if abs(value.real) > tolerance)[:4]
+    listing = ", ".join(f"{shown(value)}" for value, _ in critical)
+    where = f"at {name} = {threshold:.10g}"
+    rotating = formulation.frame is not None
+    oscillating = [(value, weight) for value, weight in critical if abs(value.imag) > 30 * tolerance]
+    still = [(value, weight) for value, weight in critical if abs(value.imag) <= 30 * tolerance]
+    if oscillating and still:
+        raise DerivationError(f"threshold: found a zero eigenvalue together with a pair {where}: {listing}; expected no other eigenvalue on the imaginary axis")
+    weights = {abs(weight) for _, weight in critical}
+    if rotating and weights != {1}:
+        raise DerivationError(f"threshold: found critical eigenvalues {listing} {where} of a mode along the rotation axis; expected a mode across it; drop rotation_axis")
+    if still:
+        if len(still) > 1:
+            if rotating:
+                raise DerivationError(f"threshold: found the eigenvalues {listing} in each of the two directions {where}; expected one: a defective or multiple eigenvalue is not of this class")
+            raise DerivationError(f"threshold: found a double eigenvalue {listing} {where}; expected a simple one; if the problem is unchanged by rotations declare rotation_axis; "
+                                  "a defective (Takens-Bogdanov) eigenvalue is not of this class")
+        if not rotating and rest and abs(rest[0]) < 1e-3 * scale:
+            pass
+        return Onset(kind="steady", weight=still[0][1], control=threshold, frequency=None, other_eigenvalues=rest)
+    upper = sorted((value for value, _ in oscillating if value.imag > 0), key=lambda z: z.imag)
+    lower = [value for value, _ in oscillating if value.imag < 0]
+    if len(upper) != 1 or len(lower) != 1:
+        if rotating and len(upper) + len(lower) == 1:
+            raise DerivationError(f"threshold: found the eigenvalue {listing} {where} in one sense of rotation only: it is simple; expected the double eigenvalue of a problem that is "
+                                  "also unchanged by reflections; drop rotation_axis")
+        close = len(upper) == 2 and abs(upper[0] - upper[1]) <= 1e-3 * abs(upper[0])
+        hint = "a double eigenvalue: if the problem is unchanged by rotations declare rotation_axis; a defective one is not of this class" if close else \
+            "several modes are critical together (a resonance or a double Hopf point), which is not of this class"
+        raise DerivationError(f"threshold: found the eigenvalues {listing} {where}; expected a simple pair; {hint}")
+    if rotating and abs(upper[0] + lower[0]) > 1e-5 * abs(upper[0]):
+        raise DerivationError(f"threshold: found the eigenvalues {listing} {where} in one sense of rotation; expected a conjugate pair: the problem is not unchanged by reflections; drop rotation_axis")
+    return Onset(kind="hopf", weight=oscillating[0][1], control=threshold, frequency=float(upper[0].imag), other_eigenvalues=rest)
+
+
+__all__ = ["Onset", "find_onset", "I"]

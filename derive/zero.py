@@ -1,0 +1,78 @@
+"""Is an exact expression identically zero?
+
+Rational arithmetic on the expression settles most cases. The others (exp, sin, roots, ...) are evaluated at random points
+with 40 digits: an analytic expression that vanishes at three random points of its domain vanishes.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from sympy import Expr, I, Rational, Symbol, expand
+from sympy.core.evalf import PrecisionExhausted
+
+DIGITS = 40
+POINTS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Probe:
+    """Where symbols may lie: fixed values of parameters, ranges of the control and of space."""
+
+    fixed: Mapping[Symbol, Expr]
+    ranges: Mapping[Symbol, tuple[Expr, Expr]]
+    cache: dict = field(default_factory=dict, compare=False, repr=False)
+
+    def is_zero(self, expression: Expr, extra: tuple[Symbol, ...] = ()) -> bool:
+        """Tell whether the expression vanishes for every value of its symbols (parameters at their values)."""
+        if expression.is_number and expression.is_Rational:
+            return bool(expression == 0)
+        known = self.cache.get(expression)
+        if known is None:
+            known = self.cache[expression] = self._is_zero(expression)
+        return known
+
+    def _is_zero(self, expression: Expr) -> bool:
+        if expression.is_Symbol:
+            return False
+        expanded = expand(expression)
+        if expanded == 0:
+            return True
+        if expanded.is_number and expanded.is_Rational:
+            return False
+        found_finite = False
+        for attempt in range(POINTS):
+            value = self.value(expanded, attempt)
+            if value is None:
+                continue
+            found_finite = True
+            if abs(value) > 1e-100:
+                return False
+        return found_finite
+
+    def value(self, expression: Expr, attempt: int) -> complex | None:
+        """Return the expression at the random point number `attempt`, or None where it has no finite value."""
+        chooser = random.Random(7919 * (attempt + 1))
+        values: dict[Symbol, Expr] = {}
+        for symbol in sorted(expression.free_symbols, key=lambda item: item.name):  # type: ignore[attr-defined]
+            share = Rational(chooser.randint(100, 899), 1000)
+            if symbol in self.fixed:
+                values[symbol] = self.fixed[symbol]
+            elif symbol in self.ranges:
+                low, high = self.ranges[symbol]
+                values[symbol] = low + (high - low) * share
+            elif symbol.is_real:
+                values[symbol] = share + Rational(1, 3)
+            else:
+                values[symbol] = share + I * Rational(chooser.randint(100, 899), 1000)
+        try:
+            number = expression.evalf(DIGITS, subs=values, maxn=200)
+            if not number.is_number:
+                number = expression.subs(values).evalf(DIGITS, maxn=200)
+            real, imaginary = number.as_real_imag()
+            result = complex(real, imaginary)
+        except (TypeError, ValueError, PrecisionExhausted, ZeroDivisionError):
+            return None
+        return result if result == result and abs(result) < 1e200 else None

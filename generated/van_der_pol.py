@@ -1,0 +1,124 @@
+"""Amplitude equation of van_der_pol. Emitted by `fredholm derive`; do not edit."""
+
+from numerics.algebra import Operator, stage
+
+NAME = "van_der_pol"
+KIND = "hopf"
+MULTIPLICITY = 1
+SPATIAL = False
+CONTROL = "mu"
+ONSET = ("0", "1")
+COEFFICIENTS = (
+    ("A**2*conj(A)", "A**2*conj(A)", "coefficient_A2_conj_A"),
+    ("mu*A", "mu*A", "coefficient_mu_A"),
+)
+QUADRATIC = None
+MIRROR = (
+)
+WEAK = ()
+
+
+def parameters(a):
+    """Return the values of the parameters."""
+    return {
+    }
+
+
+@stage
+def critical(a):
+    """The linear problem at the threshold: M y = 0."""
+    omega = a.frequency
+    mu = a.control
+    return Operator(
+        matrix=(
+            (-a.i*mu*omega - omega**2 + 1,),
+        ),
+    )
+
+
+@stage
+def mode(a):
+    """The critical mode: phi."""
+    return a.kernel(critical(a), (1,))
+
+
+@stage
+def mode_bar(a):
+    """The reflected mode: conjugate coefficients, so that integrands stay analytic."""
+    return tuple(a.reflect(one) for one in mode(a))
+
+
+@stage
+def adjoint_mode(a):
+    """The left null vector: zeta."""
+    return a.left_kernel(critical(a))
+
+
+@stage
+def operator_2(a):
+    """The linear problem of harmonic 2."""
+    omega = a.frequency
+    mu = a.control
+    return Operator(
+        matrix=(
+            (-2*a.i*mu*omega - 4*omega**2 + 1,),
+        ),
+    )
+
+
+@stage
+def operator_0(a):
+    """The linear problem of harmonic 0."""
+    return Operator(
+        matrix=(
+            (1,),
+        ),
+    )
+
+
+@stage
+def f_slow_0(a):
+    omega = a.frequency
+    mu = a.control
+    phi, = mode(a)
+    return -mu*phi + 2*a.i*omega*phi
+
+
+@stage
+def f_cubic_0(a):
+    omega = a.frequency
+    phi, = mode(a)
+    phi_bar, = mode_bar(a)
+    return a.i*omega*phi**2*phi_bar
+
+
+@stage
+def xi(a):
+    """Solvability integral of dA/dt."""
+    zeta, = adjoint_mode(a)
+    total = f_slow_0(a)*zeta
+    return total
+
+
+@stage
+def coefficient_A2_conj_A(a):
+    """Solvability integral of A**2*conj(A), over -xi."""
+    zeta, = adjoint_mode(a)
+    total = f_cubic_0(a)*zeta
+    return -total/xi(a)
+
+
+@stage
+def coefficient_mu_A(a):
+    """Solvability integral of mu*A, over -xi."""
+    omega = a.frequency
+    phi, = mode(a)
+    zeta, = adjoint_mode(a)
+    total = -a.i*omega*phi*zeta
+    return -total/xi(a)
+
+
+def consistency(a):
+    """What redundant equations demand: each must vanish."""
+    return (
+    )

@@ -1,0 +1,66 @@
+"""The command: contract, exit status, one line for a mistake."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from derive.cli import main
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, list(arguments))
+
+
+def test_coefficients_as_json():
+    done = run("coefficients", "follower_force", "--digits", "20", "--json")
+    assert done.exit_code == 0
+    data = json.loads(done.stdout)
+    assert data["problem"] == "follower_force" and data["digits"] == 20 and data["certified"] is False
+    assert data["threshold"]["kind"] == "hopf" and data["threshold"]["multiplicity"] == 2
+    assert data["threshold"]["control"].startswith("37.695430840318577883")
+    assert [one["name"] for one in data["coefficients"]] == ["alpha", "beta", "gamma"]
+    assert set(data["coefficients"][0]) == {"name", "monomial", "re", "im", "error"}
+    assert set(data["seconds"]) == {"derive", "threshold", "coefficients"}
+
+
+@pytest.mark.parametrize("arguments", [
+    ("coefficients", "no_such_model"), ("coefficients", "van_der_pol", "--digits", "0"), ("coefficients", "van_der_pol", "--digits", "many"),
+    ("coefficients", "van_der_pol", "--rout", "closed"), ("derive",), ("latex", "van_der_pol", "--order", "7"), ("coefficients", "swift_hohenberg", "--route", "closed"),
+    ("coefficients", "van_der_pol", "--certify"),
+])
+def test_a_mistake_is_one_line_and_status_2(arguments):
+    done = run(*arguments)
+    assert done.exit_code == 2
+    assert done.stdout == ""
+    assert len(done.stderr.strip().splitlines()) == 1 and done.stderr.startswith("fredholm: ")
+
+
+def test_check_and_list():
+    assert run("check", "follower_force").exit_code == 0
+    assert [line.split()[0] for line in run("list").stdout.splitlines()] == ["follower_force", "follower_force_planar", "swift_hohenberg", "van_der_pol"]
+
+
+def test_derive_writes_and_check_shows_a_difference(tmp_path):
+    folder = str(tmp_path / "out")
+    assert run("derive", "van_der_pol", "--out", folder).exit_code == 0
+    assert run("derive", "van_der_pol", "--out", folder, "--check").exit_code == 0
+    path = tmp_path / "out" / "van_der_pol.py"
+    path.write_text(path.read_text().replace("mu*A", "mu*B"))
+    done = run("derive", "van_der_pol", "--out", folder, "--check")
+    assert done.exit_code == 1 and "mu*B" in done.stdout
+
+
+def test_reproduce_writes_a_folder(tmp_path):
+    done = run("reproduce", "van_der_pol", "--out", str(tmp_path / "report"))
+    assert done.exit_code == 0
+    assert {path.name for path in (tmp_path / "report").iterdir()} == {"van_der_pol.py", "van_der_pol.tex", "coefficients.json", "summary.txt"}
+
+
+@pytest.mark.parametrize("part", ["statement", "orders", "adjoint", "solvability", "amplitude", "all"])
+def test_latex_of_every_part(part):
+    for target in ("follower_force", "van_der_pol"):
+        done = run("latex", target, "--part", part)
+        assert done.exit_code == 0
+        assert done.stdout.count("\\begin{aligned}") == done.stdout.count("\\end{aligned}") > 0
+        assert done.stdout.count("\\left") == done.stdout.count("\\right") - done.stdout.count("\\rightarrow")
