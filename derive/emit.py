@@ -13,6 +13,7 @@ from sympy.functions.elementary.exponential import ExpBase
 
 from derive.adjoint import Adjoint
 from derive.operator import OMEGA, FirstOrderOperator
+from derive.problem import ProblemError
 from derive.response import Operator, Response
 
 if TYPE_CHECKING:
@@ -125,15 +126,13 @@ class Printer:
         if name in FUNCTIONS and len(expression.args) == 1:
             return f"a.{name}({self.sum(expression.args[0])})"
         if name in {"cot", "sec", "csc", "coth", "sech", "csch"}:
-            rewritten = expression.rewrite({"cot": "tan", "sec": "cos", "csc": "sin", "coth": "tanh", "sech": "cosh", "csch": "sinh"}[name])
             from sympy import cos, cosh, sin, sinh, tan, tanh
 
             inverse = {"cot": tan, "sec": cos, "csc": sin, "coth": tanh, "sech": cosh, "csch": sinh}[name]
-            del rewritten
             return f"(a.one/{self.factor(inverse(expression.args[0]))})"
         if isinstance(expression, Mul):
             return f"({self.product(expression)})"
-        raise ValueError(f"equations: found {name}(...) in a coefficient; expected elementary functions: {', '.join(sorted(FUNCTIONS))}, sqrt and powers")
+        raise ProblemError(f"equations: found {name}(...) in a coefficient; expected elementary functions: {', '.join(sorted(FUNCTIONS))}, sqrt and powers")
 
     def bindings(self, expressions: Iterable[Expr]) -> list[str]:
         """Return the lines that bind the names which the expressions use."""

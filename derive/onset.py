@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigvals, lu_factor, lu_solve
 from scipy.optimize import brentq, minimize_scalar
 from sympy import Expr, I, Poly, Symbol, fraction, lambdify, lcm, together
+from threadpoolctl import threadpool_limits
 
 from derive.operator import LAMBDA, FirstOrderOperator
 from derive.ordinary import AlgebraicOperator
@@ -65,6 +66,7 @@ class Pencil:
         self.width = [len(row) for row in table]
         values = {symbol: value for symbol, value in formulation.parameters.items()}
         arguments = (formulation.space, formulation.control)
+        self.constant = not any(isinstance(entry, Expr) and formulation.control in entry.free_symbols for entry in flat)
         exacts = [entry.subs(values) if isinstance(entry, Expr) else entry for entry in flat]
         self.entries: Callable[..., Sequence[Any]] = lambdify(arguments, exacts, modules=["scipy", "numpy"], cse=False)
 
@@ -210,6 +212,7 @@ class Spectrum:
         self.pencils = {weight: Pencil(operator, formulation) for weight, operator in operators.items()}
         self.formulation = formulation
         self.level = 0
+        self.known: dict[Pencil, list[complex]] = {}
         self.bases = lambdify((formulation.space, formulation.control), [base.subs(formulation.parameters) for base in formulation.base], modules=["scipy", "numpy"])
 
     def rightmost(self, control: float) -> list[tuple[complex, int]]:
@@ -226,7 +229,6 @@ class Spectrum:
             for value in self.bases(place, control + 0j):
                 value = np.asarray(value, dtype=complex)
                 if not np.all(np.isfinite(value)) or np.any(np.abs(value.imag) > 1e-9 * (1 + np.abs(value))):
-                    # components across the axis are complex by construction but vanish
                     raise FloatingPointError
         found: list[tuple[complex, int]] = []
         for weight, pencil in self.pencils.items():
@@ -236,31 +238,49 @@ class Spectrum:
         return sorted(found, key=lambda pair: (-pair[0].real, -pair[0].imag))
 
     def resolved(self, pencil: Pencil, control: float) -> list[complex]:
+        """Return the eigenvalues that two resolutions agree on; refine until no other could be the rightmost."""
         if not pencil.spatial:
             return [complex(value) for value in pencil.eigenvalues(control, 0)]
+        if pencil.constant and pencil in self.known:
+            return self.known[pencil]
+        self.known[pencil] = self.converged(pencil, control)
+        return self.known[pencil]
+
+    def converged(self, pencil: Pencil, control: float) -> list[complex]:
+        """Return the eigenvalues that two resolutions agree on, raising the resolution where they do not."""
         while True:
             coarse = pencil.eigenvalues(control, NODES[self.level])
             fine = pencil.eigenvalues(control, NODES[self.level + 1])
-            good = []
-            lost = False
-            for value in sorted(fine, key=lambda z: -z.real)[:40]:
-                near = np.min(np.abs(coarse - value)) if len(coarse) else np.inf
-                if near <= 1e-5 * (1 + abs(value)):
-                    good.append(complex(value))
-                elif value.real > -1 and abs(value) < 1e7 and not good:
-                    lost = True
-                    break
-            if not lost or self.level + 2 >= len(NODES):
-                return good
+            if not len(fine):
+                return []
+            distance = np.abs(fine[:, None] - coarse[None, :]).min(axis=1) if len(coarse) else np.full(len(fine), np.inf)
+            agreed = distance <= 1e-5 * (1 + np.abs(fine))
+            good = fine[agreed]
+            if len(good):
+                # Discretisation spoils large eigenvalues first: an unresolved one counts only among the smallest.
+                reach = 2 * np.sort(np.abs(good))[min(len(good), 6) - 1]
+                doubtful = fine[~agreed & (np.abs(fine) <= reach)]
+                if not np.any(doubtful.real > good.real.max() + AXIS):
+                    return sorted((complex(value) for value in good), key=lambda z: -z.real)[:40]
+            elif np.abs(fine).min() > 1e6:
+                return []
+            if self.level + 2 >= len(NODES):
+                return sorted((complex(value) for value in good), key=lambda z: -z.real)[:40]
             self.level += 1
 
     def growth(self, control: float) -> float:
         """Return the largest real part."""
         values = self.rightmost(control)
-        return values[0][0].real if values else -np.inf
+        return values[0][0].real if values else -1e30
 
 
 def find_onset(operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], formulation: Formulation) -> Onset:
+    """Return the first loss of stability from the lower end of the control range; see `first_loss`."""
+    with threadpool_limits(limits=1, user_api="blas"):  # small matrices: threads only cost
+        return first_loss(operators, formulation)
+
+
+def first_loss(operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], formulation: Formulation) -> Onset:
     """Return the first loss of stability from the lower end of the control range.
 
     Raises
@@ -276,7 +296,8 @@ def find_onset(operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], 
     try:
         start = spectrum.rightmost(low)
     except FloatingPointError:
-        raise ProblemError(f"base_state: found no finite real state at {name} = {formulation.control_range[0]}; expected one at the lower end of control_range") from None
+        raise ProblemError(f"base_state: found no finite real state, or coefficients of the equations that are not finite on the interval, "
+                           f"at {name} = {formulation.control_range[0]}; expected both at the lower end of control_range") from None
     if not start:
         raise ProblemError("equations: found no eigenvalue at all; expected equations with time derivatives that can lose stability")
     scale = max(1.0, min(abs(start[0][0]), 1e6))
@@ -298,7 +319,7 @@ def find_onset(operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], 
             bracket = (previous, float(control))
             break
         previous = float(control)
-        if len(history) >= 3 and history[-2][1] > max(history[-1][1], history[-3][1]):
+        if len(history) >= 3 and near_zero_peak(history[-3:]):
             peak = minimize_scalar(lambda c: -spectrum.growth(float(c)), bounds=(history[-3][0], history[-1][0]), method="bounded",
                                    options={"xatol": 1e-6 * (high - low)})
             if -peak.fun > 0:
@@ -312,6 +333,15 @@ def find_onset(operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], 
     if bracket[1] > bracket[0]:
         threshold = float(brentq(spectrum.growth, *bracket, xtol=1e-13 * max(abs(bracket[0]), abs(bracket[1]), 1e-300), rtol=1e-14))
     return classify(spectrum, threshold, bracket, formulation)
+
+
+def near_zero_peak(points: Sequence[tuple[float, float]]) -> bool:
+    """Tell whether a parabola through three points has a maximum between them that could reach zero."""
+    (_, a), (_, b), (_, c) = points
+    if b <= max(a, c):
+        return False
+    top = b + (a - c) ** 2 / (8 * (2 * b - a - c))
+    return top + 2 * (top - min(a, c)) > 0
 
 
 def singular_end(spectrum: Spectrum, inside: float, outside: float, name: Symbol) -> tuple[float, float]:
@@ -334,6 +364,8 @@ def singular_end(spectrum: Spectrum, inside: float, outside: float, name: Symbol
 
 def shown(value: complex) -> str:
     """Return an eigenvalue for a message."""
+    if abs(value.real) <= 1e-9 * abs(value):
+        value = complex(0, value.imag)
     real = f"{value.real:.6g}"
     return real if abs(value.imag) <= 1e-9 * (1 + abs(value)) else f"{real} {'+' if value.imag > 0 else '-'} {abs(value.imag):.6g}i"
 

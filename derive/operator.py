@@ -206,6 +206,7 @@ def reduce_operator(expansion: Expansion, weight: int, growth: Expr) -> FirstOrd
         free = sorted({formulation.unknowns[variables[k][0]].latex for k in remaining if k not in pivots})
         raise ProblemError(f"equations: found {len(rows)} independent equations for {len(remaining)} unknown functions; "
                            f"expected as many: nothing determines {', '.join(free)}")
+    check_redundant(spare, expansion)
     order = {k: place for place, k in enumerate(remaining)}
     matrix = [[Integer(0)] * len(remaining) for _ in remaining]
     forcings: list[Forcing] = [{} for _ in remaining]
@@ -239,6 +240,25 @@ def reduce_operator(expansion: Expansion, weight: int, growth: Expr) -> FirstOrd
         matrix=tuple(tuple(row) for row in operator.matrix), forcing=tuple(operator.forcing), recovery=operator.recovery,
         left=sides[0], right=sides[1], spare=tuple(spare), names=operator.names, scalar=operator.scalar,
     )
+
+
+def check_redundant(spare: Sequence[Forcing], expansion: Expansion) -> None:
+    """Refuse a relation between rows in which no row follows from the others: there are more equations than unknowns.
+
+    A redundant row is a combination of the others and their derivatives, so it stands in the relation alone, undifferentiated,
+    and over it the other coefficients are polynomials in lambda.
+    """
+    for relation in spare:
+        rows = sorted({row for _, row, _ in relation})
+        for row in rows:
+            if any(order for _, other, order in relation if other == row):
+                continue
+            unit = relation["row", row, 0]
+            if all(LAMBDA not in fraction(together(c / unit))[1].free_symbols for c in relation.values()):
+                break
+        else:
+            labels = ", ".join(dict.fromkeys(expansion.rows[row].label for row in rows))
+            raise ProblemError(f"equations: {labels} contradict each other: found more independent equations than unknowns; expected as many, or redundant ones that follow from the others")
 
 
 def contradiction(expansion: Expansion, rows: Sequence[TaylorRow]) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from sympy import Expr, Integer
 
 from derive.expansion import Expansion
-from derive.operator import LAMBDA, Elimination, Forcing, WorkingRow, at_growth
+from derive.operator import LAMBDA, Elimination, Forcing, WorkingRow, at_growth, check_redundant
 from derive.problem import ProblemError
 
 
@@ -84,6 +84,7 @@ def reduce_ordinary(expansion: Expansion, weight: int, growth: Expr) -> Algebrai
     if len(rows) > len(remaining):
         rows, more = independent(rows, remaining, work, labels)
         spare.extend(more)
+    check_redundant(spare, expansion)
     order = {k: place for place, k in enumerate(remaining)}
     recovery: dict[int, tuple[dict[int, Expr], Forcing]] = {k: ({order[k]: Integer(1)}, {}) for k in remaining}
     for pivot, value, forcing in reversed(solved):

@@ -29,6 +29,7 @@ from sympy import (
     expand,
     nan,
     oo,
+    preorder_traversal,
     sqrt,
     sympify,
     zoo,
@@ -432,9 +433,10 @@ def formulate(problem: Problem) -> Formulation:
         strangers = sorted(expression.atoms(AppliedUndef), key=str)
         if strangers:
             raise ProblemError(f"{what}: found {strangers[0]}; expected only the declared fields at ({', '.join(map(str, arguments))})")
-        broken = [kind for kind in sorted({type(atom).__name__ for atom in expression.atoms(Function)}) if kind in NOT_ANALYTIC]
-        for kind in broken:
-            if any(type(atom).__name__ == kind and atom.free_symbols & set(jets.values()) for atom in expression.atoms(Function)):
+        symbols = set(jets.values())
+        for node in preorder_traversal(expression):
+            kind = type(node).__name__
+            if kind in NOT_ANALYTIC and node.free_symbols & symbols:
                 raise ProblemError(f"{what}: found {kind}(...) of a field; expected a nonlinearity with a Taylor series at the base state")
         if expression.has(problem.time):
             raise ProblemError(f"{what}: found the time {problem.time} explicitly; expected equations that do not depend on time")
