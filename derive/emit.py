@@ -283,6 +283,7 @@ def emit(derivation: Derivation) -> str:
         "", "from numerics.algebra import Operator, stage", "",
         f'NAME = "{derivation.problem.name}"', f'KIND = "{onset.kind}"', f"MULTIPLICITY = {2 if reduction.vector else 1}",
         f"SPATIAL = {spatial}", f'CONTROL = "{formulation.control.name}"',
+        f'CONTROL_RANGE = ("{float(formulation.control_range[0])!r}", "{float(formulation.control_range[1])!r}")',
         f'ONSET = ("{onset.control:.8g}", {frequency})', "COEFFICIENTS = (",
     ]
     lines += [f'    ("{name}", "{monomial}", "{identifier}"),' for name, monomial, identifier in names]

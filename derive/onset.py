@@ -124,8 +124,24 @@ class Pencil:
         held = np.flatnonzero(sum((np.abs(matrix).sum(axis=1) for matrix in matrices[1:]), np.zeros(len(matrices[0]))))
         if not len(held):
             return np.zeros(0, dtype=complex)
-        shift = SHIFT
         degree = len(matrices) - 1
+        shift = SHIFT
+        found: list[NDArray[np.complex128]] = []
+        reach = np.inf
+        for _ in range(3):
+            values = self.shifted_eigenvalues(matrices, held, degree, shift)
+            values = values[np.abs(values) < reach]
+            smallest = float(np.abs(values).min(initial=np.inf))
+            if not smallest < 1e-3 * shift:
+                break
+            # An eigenvalue far below the shift drowns in rounding: keep the others and look again nearer to zero.
+            reach = 1e-3 * shift
+            found.append(values[np.abs(values) >= reach])
+            shift = max(SHIFT * smallest, 1e-18)
+        return np.concatenate([*found, values])
+
+    def shifted_eigenvalues(self, matrices: list[NDArray[np.complex128]], held: NDArray[np.intp], degree: int, shift: float) -> NDArray[np.complex128]:
+        """Return the eigenvalues from the inverse at a shift, restricted to the equations that hold lambda."""
         # Coefficients in mu = lambda - shift.
         shifted = []
         for k in range(degree + 1):
@@ -300,8 +316,7 @@ def first_loss(operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], 
                            f"at {name} = {formulation.control_range[0]}; expected both at the lower end of control_range") from None
     if not start:
         raise ProblemError("equations: found no eigenvalue at all; expected equations with time derivatives that can lose stability")
-    scale = max(1.0, min(abs(start[0][0]), 1e6))
-    if start[0][0].real >= -1e-9 * scale:
+    if start[0][0].real >= -1e-13 * abs(start[0][0]) - 1e-18:
         raise ProblemError(f"control_range: found the eigenvalue {shown(start[0][0])} at {name} = {formulation.control_range[0]}; expected a base state that is "
                            "strictly stable at the lower end; lower it, or remove the neutral or unstable mode")
     grid = np.linspace(low, high, SCAN)
@@ -332,7 +347,7 @@ def first_loss(operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], 
     threshold = bracket[0]
     if bracket[1] > bracket[0]:
         threshold = float(brentq(spectrum.growth, *bracket, xtol=1e-13 * max(abs(bracket[0]), abs(bracket[1]), 1e-300), rtol=1e-14))
-    return classify(spectrum, threshold, bracket, formulation)
+    return classify(spectrum, threshold, abs(growth_before), formulation)
 
 
 def near_zero_peak(points: Sequence[tuple[float, float]]) -> bool:
@@ -370,13 +385,13 @@ def shown(value: complex) -> str:
     return real if abs(value.imag) <= 1e-9 * (1 + abs(value)) else f"{real} {'+' if value.imag > 0 else '-'} {abs(value.imag):.6g}i"
 
 
-def classify(spectrum: Spectrum, threshold: float, bracket: tuple[float, float], formulation: Formulation) -> Onset:
+def classify(spectrum: Spectrum, threshold: float, rate: float, formulation: Formulation) -> Onset:
     """Tell what kind of bifurcation it is, or refuse it by name."""
     values = spectrum.rightmost(threshold)
     name = formulation.problem.control
-    scale = max(1e-12, *(abs(value) for value, _ in values[:1]))
-    # An eigenvalue is on the axis when it moves there within the uncertainty of the threshold: a defective one moves as a square root.
-    tolerance = AXIS * max(1.0, scale)
+    # An eigenvalue is on the axis within rounding of the growth rates met on the way; a defective one moves as a square root.
+    scale = max(rate, abs(values[0][0]))
+    tolerance = AXIS * scale
     critical = [(value, weight) for value, weight in values if abs(value.real) <= tolerance]
     rest = tuple(value for value, weight in values if abs(value.real) > tolerance)[:4]
     listing = ", ".join(f"{shown(value)}" for value, _ in critical)
@@ -395,8 +410,6 @@ def classify(spectrum: Spectrum, threshold: float, bracket: tuple[float, float],
                 raise DerivationError(f"threshold: found the eigenvalues {listing} in each of the two directions {where}; expected one: a defective or multiple eigenvalue is not of this class")
             raise DerivationError(f"threshold: found a double eigenvalue {listing} {where}; expected a simple one; if the problem is unchanged by rotations declare rotation_axis; "
                                   "a defective (Takens-Bogdanov) eigenvalue is not of this class")
-        if not rotating and rest and abs(rest[0]) < 1e-3 * scale:
-            pass
         return Onset(kind="steady", weight=still[0][1], control=threshold, frequency=None, other_eigenvalues=rest)
     upper = sorted((value for value, _ in oscillating if value.imag > 0), key=lambda z: z.imag)
     lower = [value for value, _ in oscillating if value.imag < 0]

@@ -7,6 +7,7 @@ KIND = "hopf"
 MULTIPLICITY = 2
 SPATIAL = True
 CONTROL = "F"
+CONTROL_RANGE = ("0.0", "60.0")
 ONSET = ("37.695431", "191.259")
 COEFFICIENTS = (
     ("alpha", "dot(A,A)*conj(A)", "coefficient_alpha"),

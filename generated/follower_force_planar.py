@@ -7,6 +7,7 @@ KIND = "hopf"
 MULTIPLICITY = 1
 SPATIAL = True
 CONTROL = "F"
+CONTROL_RANGE = ("0.0", "60.0")
 ONSET = ("37.695431", "191.259")
 COEFFICIENTS = (
     ("alpha_plus_beta", "A**2*conj(A)", "coefficient_alpha_plus_beta"),

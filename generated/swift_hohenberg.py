@@ -7,7 +7,8 @@ KIND = "steady"
 MULTIPLICITY = 1
 SPATIAL = True
 CONTROL = "r"
-ONSET = ("0", None)
+CONTROL_RANGE = ("-1.0", "1.0")
+ONSET = ("1.8877888e-15", None)
 COEFFICIENTS = (
     ("A**3", "A**3", "coefficient_A3"),
     ("mu*A", "mu*A", "coefficient_mu_A"),

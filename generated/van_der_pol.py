@@ -7,6 +7,7 @@ KIND = "hopf"
 MULTIPLICITY = 1
 SPATIAL = False
 CONTROL = "mu"
+CONTROL_RANGE = ("-1.0", "1.0")
 ONSET = ("0", "1")
 COEFFICIENTS = (
     ("A**2*conj(A)", "A**2*conj(A)", "coefficient_A2_conj_A"),

@@ -186,7 +186,7 @@ def compute(module: Module, route: str, bits: int, resolution: Resolution, names
     with working_precision(max(bits, 96)):
         control = start.control if start else arb(module.ONSET[0])
         frequency = (start.frequency if start else arb(module.ONSET[1])) if hopf else None
-    root = newton(build, module.critical, control, frequency, bits, tolerance_bits, start is not None)
+    root = newton(build, module.critical, control, frequency, bits, tolerance_bits, start is not None, abs(arb(module.CONTROL_RANGE[1]) - arb(module.CONTROL_RANGE[0])).mid())
     middle = time.perf_counter()
     with working_precision(bits):
         a = build(acb(root.control), acb(root.frequency))

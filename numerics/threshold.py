@@ -23,7 +23,7 @@ class Root:
     steps: int
 
 
-def newton(build: Build, critical: Callable, control: arb, frequency: arb | None, bits: int, goal: int | None = None, near: bool = False) -> Root:  # type: ignore[type-arg]
+def newton(build: Build, critical: Callable, control: arb, frequency: arb | None, bits: int, goal: int | None = None, near: bool = False, width: arb | None = None) -> Root:  # type: ignore[type-arg]
     """Return the root of the critical determinant near a double.
 
     Raises
@@ -36,6 +36,7 @@ def newton(build: Build, critical: Callable, control: arb, frequency: arb | None
     start = (control, frequency)
     steps = 0
     step_size = arb(1)
+    width = width if width is not None else abs(control) + 1
     while True:
         level = min(level, bits)
         with working_precision(level):
@@ -46,7 +47,7 @@ def newton(build: Build, critical: Callable, control: arb, frequency: arb | None
 
                 centre = value(control, frequency)
                 if steep is None or attempt % 3 == 2:
-                    h = (arb(2) ** (-level // 2) * (abs(control) + (abs(frequency) if frequency is not None else arb(1)) * arb(2) ** -8)).mid()
+                    h = (arb(2) ** (-level // 2) * (abs(control) + width * arb(2) ** -8)).mid()
                     d_control = (value((control + h).mid(), frequency) - centre) / h
                     if frequency is None:
                         steep = (d_control, acb(0))
@@ -58,17 +59,17 @@ def newton(build: Build, critical: Callable, control: arb, frequency: arb | None
                 if frequency is not None:
                     frequency = (frequency - step_frequency).mid()
                 steps += 1
-                size = abs(step_control) / (abs(control) + arb(2) ** -20)
+                size = abs(step_control) / (abs(control) + width * arb(2) ** -20)
                 if frequency is not None:
                     size = size + abs(step_frequency) / abs(frequency)
-                if not float(size.mid()) < 0.5:
+                if not (abs(step_control) / width + (abs(step_frequency) / abs(frequency) if frequency is not None else 0)).mid() < 0.5:
                     raise EvaluationError("threshold: Newton's method leaves the neighbourhood of its start; the threshold is too ill-conditioned")
                 step_size = size.mid()
                 if step_size < arb(2) ** (-(level // 2) + 4) and level < bits or step_size < arb(2) ** (-(goal or level - 40)):
                     break
             else:
                 raise EvaluationError(f"threshold: Newton's method did not converge (last step {step_size.str(3, radius=False)})")
-            if start[0] is not None and abs(control - start[0]) > arb("1e-3") * (1 + abs(start[0])):
+            if start[0] is not None and abs(control - start[0]) > arb("1e-3") * width:
                 raise EvaluationError("threshold: Newton's method went to another root")
         if level >= bits:
             break
