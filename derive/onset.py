@@ -138,6 +138,7 @@ class Pencil:
             reach = 1e-3 * shift
             found.append(values[np.abs(values) >= reach])
             shift = max(SHIFT * smallest, 1e-18)
+        values = np.where(np.abs(values) < 1e-17, 0, values)  # what is left of an eigenvalue zero
         return np.concatenate([*found, values])
 
     def shifted_eigenvalues(self, matrices: list[NDArray[np.complex128]], held: NDArray[np.intp], degree: int, shift: float) -> NDArray[np.complex128]:
@@ -327,7 +328,7 @@ def first_loss(operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], 
         try:
             growth = spectrum.growth(float(control))
         except FloatingPointError:
-            bracket = singular_end(spectrum, previous, float(control), name)
+            bracket = singular_end(spectrum, previous, float(control), name, abs(start[0][0].real))
             break
         history.append((float(control), growth))
         if growth > 0:
@@ -359,7 +360,7 @@ def near_zero_peak(points: Sequence[tuple[float, float]]) -> bool:
     return top + 2 * (top - min(a, c)) > 0
 
 
-def singular_end(spectrum: Spectrum, inside: float, outside: float, name: Symbol) -> tuple[float, float]:
+def singular_end(spectrum: Spectrum, inside: float, outside: float, name: Symbol, rate: float) -> tuple[float, float]:
     """Return the last control with a real base state, if stability is lost before it; refuse a fold."""
     for _ in range(200):
         middle = (inside + outside) / 2
@@ -370,11 +371,11 @@ def singular_end(spectrum: Spectrum, inside: float, outside: float, name: Symbol
         except FloatingPointError:
             outside = middle
             continue
-        if growth > 0:
+        if growth > AXIS * rate:
             return (inside, middle)
         inside = middle
     raise DerivationError(f"base_state: found a state that ends (is no longer finite and real) at {name} = {inside:.12g}, before any loss of stability; "
-                          f"the rightmost eigenvalue there is {shown(spectrum.rightmost(inside)[0][0])}: a fold, whose normal form is not of this class")
+                          f"the rightmost eigenvalue there tends to zero if this is a fold: {shown(spectrum.rightmost(inside)[0][0])}; a fold, has a normal form that is not of this class")
 
 
 def shown(value: complex) -> str:

@@ -330,6 +330,11 @@ def finished(module: Module, digits: int, route: str, first: Computed, second: C
         listed.sort(key=lambda entry: (entry[1].startswith("epsilon"), entry[1] == "mu*A"))
     pairs = [(name, monomial, first.values[identifier], second.values[identifier]) for name, monomial, identifier in listed]
     pairs += weak_pairs(module, first, second)
+    for _, monomial, one, other in pairs:
+        if not (one.is_finite() and other.is_finite()):
+            reason = "the base state or the equations are not smooth in the control there: a fold, which is not of this class" if monomial == "mu*A" else \
+                "the problem is singular at the threshold"
+            raise EvaluationError(f"threshold: found no finite coefficient of {monomial}: {reason}")
     reference = max((abs(value) for _, _, _, value in pairs), default=arb(1))
     for name, monomial, one, other in pairs:
         if not hopf:
