@@ -375,7 +375,7 @@ def singular_end(spectrum: Spectrum, inside: float, outside: float, name: Symbol
             return (inside, middle)
         inside = middle
     raise DerivationError(f"base_state: found a state that ends (is no longer finite and real) at {name} = {inside:.12g}, before any loss of stability; "
-                          f"the rightmost eigenvalue there tends to zero if this is a fold: {shown(spectrum.rightmost(inside)[0][0])}; a fold, has a normal form that is not of this class")
+                          f"the rightmost eigenvalue there is {shown(spectrum.rightmost(inside)[0][0])}; a fold, or another singular point of the base state, is not of this class")
 
 
 def shown(value: complex) -> str:
