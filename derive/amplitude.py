@@ -21,16 +21,11 @@ from derive.functions import Functions, conjugated
 from derive.onset import Onset
 from derive.operator import LAMBDA, OMEGA, BoundaryRows, FirstOrderOperator, Forcing
 from derive.ordinary import AlgebraicOperator
-from derive.problem import DerivationError, ProblemError
+from derive.problem import SCALAR_MONOMIALS, VECTOR_MONOMIALS, DerivationError, ProblemError
 from derive.response import Amplitude, Contribution, Operator, Orders, Response, forced, labels_of, reduced, respond
 from derive.solvability import Solvability, solvability_of
 
 Given = dict[tuple[str, int], Expr]
-
-SCALAR = ("mu*A", "A**2*conj(A)", "A**2", "A**3", "epsilon*A")
-VECTOR = ("mu*A", "dot(A,A)*conj(A)", "dot(A,conj(A))*A", "dot(A,A)*A", "epsilon*A",
-          *(f"epsilon*dot(A,e{j})*e{i}" for i in (1, 2) for j in (1, 2)))
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coefficient:
@@ -86,6 +81,7 @@ class Reduction:
     mirror_xi: Coefficient | None
     weak: tuple[Weak, ...]
     spare: tuple[tuple[str, str, Expr], ...]  # (end or "", the rows, what must vanish)
+    linear_spare: tuple[tuple[str, str, Expr], ...]  # the same of mu A, the weak effects and A**2
     functions: Functions
     operators: Mapping[str, Operator]
 
@@ -300,26 +296,34 @@ def reduce_to_amplitude(expansion: Expansion, onset: Onset, operators: Mapping[i
         forcing = given(lambda row: orders.linear(row.weak, first), weight, "f_weak")
         if forcing:
             coefficients.append(coefficient("epsilon*A", forcing, solvability))
-    known = (*SCALAR, *VECTOR)
+    known = (*SCALAR_MONOMIALS, *VECTOR_MONOMIALS)
     for text in formulation.problem.coefficient_names:
         if text not in known:
-            raise ProblemError(f"coefficient_names: found the monomial {text!r}; expected one of {', '.join(VECTOR if vector else SCALAR)}")
-    order_of = {text: k for k, text in enumerate(VECTOR[1:4] if vector else SCALAR[1:4])}
+            raise ProblemError(f"coefficient_names: found the monomial {text!r}; expected one of {', '.join(VECTOR_MONOMIALS if vector else SCALAR_MONOMIALS)}")
+    order_of = {text: k for k, text in enumerate(VECTOR_MONOMIALS[1:4] if vector else SCALAR_MONOMIALS[1:4])}
     coefficients.sort(key=lambda one: (one.monomial.startswith("epsilon"), one.monomial == "mu*A", order_of.get(one.monomial, 0)))
     spare = [(side, ", ".join(labels), condition) for response in responses for side, labels, condition in response.spare]
+    linear_spare: list[tuple[str, str, Expr]] = []
     third = {"": critical.spare, **({"left": critical.left.spare, "right": critical.right.spare} if isinstance(critical, FirstOrderOperator) else {})}
-    cubic = [one for one in coefficients if not one.monomial.startswith(("epsilon", "mu"))]
+    demanded = [(one.monomial, one.identifier, one.forcing) for one in (*coefficients, *([quadratic] if quadratic is not None else []))]
+    demanded += [("epsilon", weak_identifier(one), one.coefficient.forcing) for one in weak if one.row == 0]
     for side, rows in third.items():
         for row in rows:
-            for one in cubic:
-                condition = forced(row, {key: -value for key, value in one.forcing.items()}, functions)
-                slow = forced(row, {key: -value for key, value in xi.forcing.items()}, functions)
-                if slow == 0 and condition != 0:
-                    spare.append((side, ", ".join(labels_of(row, expansion)), condition))
+            slow = forced(row, {key: -value for key, value in xi.forcing.items()}, functions)
+            for monomial, identifier, forcing in demanded:  # with dA/dt from the amplitude equation, the row must hold at each monomial
+                condition = forced(row, {key: -value for key, value in forcing.items()}, functions) + Symbol(identifier) * slow
+                if condition != 0:
+                    kept = linear_spare if monomial == "A**2" or monomial.startswith(("epsilon", "mu")) else spare
+                    kept.append((side, ", ".join(labels_of(row, expansion)), condition))
     return Reduction(
         kind=onset.kind, vector=vector, amplitudes=amplitudes, mode=mode, responses=tuple(responses), solvability=solvability, xi=xi, coefficients=tuple(coefficients),
-        quadratic=quadratic, mirror=tuple(mirror), mirror_xi=mirror_xi if mirror or any(one.row for one in weak) else None, weak=tuple(weak), spare=tuple(spare), functions=functions, operators=named_operators,
+        quadratic=quadratic, mirror=tuple(mirror), mirror_xi=mirror_xi if mirror or any(one.row for one in weak) else None, weak=tuple(weak), spare=tuple(spare), linear_spare=tuple(linear_spare), functions=functions, operators=named_operators,
     )
+
+
+def weak_identifier(weak: Weak) -> str:
+    """Return the name of the integral of a weak effect on a vector amplitude."""
+    return f"weak_{'pm'[weak.row]}{'pm'[weak.column]}"
 
 
 def identifier_of(monomial: str, name: str) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
+import io
 import json
 import os
 import sys
@@ -71,12 +73,12 @@ def main() -> None:
 
 
 def loaded(target: str) -> Problem:
-    """Return the problem; what the file prints goes to standard error, so that standard output stays ours."""
-    out, sys.stdout = sys.stdout, sys.stderr
-    try:
-        return load_problem(target)
-    finally:
-        sys.stdout = out
+    """Return the problem; what the file prints goes to standard error, and only if the file is sound: a mistake is one line."""
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said):
+        problem = load_problem(target)
+    click.echo(said.getvalue(), err=True, nl=False)
+    return problem
 
 
 def derived(target: str) -> Derivation:

@@ -5,6 +5,7 @@ The text is the only bridge to the numeric layer. It is the same for every PYTHO
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from sympy import Add, Expr, I, Integer, Mul, Pow, Rational, Symbol, pi
 from sympy.functions.elementary.exponential import ExpBase
 
 from derive.adjoint import Adjoint
+from derive.amplitude import weak_identifier
 from derive.operator import OMEGA, FirstOrderOperator
 from derive.problem import ProblemError
 from derive.response import Operator, Response
@@ -33,6 +35,7 @@ class Printer:
         self.control = derivation.expansion.formulation.control
         self.parameters = list(derivation.expansion.formulation.parameters)
         self.definitions = reduction.functions.definitions
+        self.stages = {Symbol(one.identifier) for one in reduction.coefficients} | {Symbol("coefficient_A2")} | {Symbol(weak_identifier(one)) for one in reduction.weak}
         self.groups: list[tuple[tuple[Symbol, ...], str]] = [
             (reduction.mode.phi, "mode"), (reduction.mode.phi_bar, "mode_bar"), (reduction.solvability.zeta, "adjoint_mode"),
         ]
@@ -102,7 +105,7 @@ class Printer:
             text = self.number(expression)
             return f"({text})" if text.startswith("-") else text
         if isinstance(expression, Symbol):
-            return f"{expression.name}(a)" if expression in self.definitions else expression.name
+            return f"{expression.name}(a)" if expression in self.definitions or expression in self.stages else expression.name
         if isinstance(expression, Add):
             return f"({self.sum(expression)})"
         if isinstance(expression, ExpBase) and expression.func.__name__ == "exp":
@@ -152,6 +155,11 @@ class Printer:
                 names = ", ".join(symbol.name if symbol in symbols else f"_{symbol.name}" for symbol in group)
                 lines.append(f"{names}{',' if len(group) == 1 else ''} = {name}(a)")
         return lines
+
+
+def quoted(text: str) -> str:
+    """Return a string literal in double quotes."""
+    return json.dumps(text)
 
 
 def terms_of(expression: Expr) -> list[Expr]:
@@ -281,21 +289,21 @@ def emit(derivation: Derivation) -> str:
     lines = [
         f'"""Amplitude equation of {derivation.problem.name}. Emitted by `fredholm derive`; do not edit."""',
         "", "from numerics.algebra import Operator, stage", "",
-        f'NAME = "{derivation.problem.name}"', f'KIND = "{onset.kind}"', f"MULTIPLICITY = {2 if reduction.vector else 1}",
+        f"NAME = {quoted(derivation.problem.name)}", f'KIND = "{onset.kind}"', f"MULTIPLICITY = {2 if reduction.vector else 1}",
         f"SPATIAL = {spatial}", f'CONTROL = "{formulation.control.name}"',
         f'CONTROL_RANGE = ("{float(formulation.control_range[0])!r}", "{float(formulation.control_range[1])!r}")',
         f'ONSET = ("{onset.control:.8g}", {frequency})', "COEFFICIENTS = (",
     ]
-    lines += [f'    ("{name}", "{monomial}", "{identifier}"),' for name, monomial, identifier in names]
+    lines += [f'    ({quoted(name)}, "{monomial}", "{identifier}"),' for name, monomial, identifier in names]
     lines += [")"]
-    lines += [f'QUADRATIC = ("{reduction.quadratic.name}", "A**2", "coefficient_A2")' if reduction.quadratic is not None else "QUADRATIC = None"]
+    lines += [f'QUADRATIC = ({quoted(reduction.quadratic.name)}, "A**2", "coefficient_A2")' if reduction.quadratic is not None else "QUADRATIC = None"]
     lines += ["MIRROR = ("] + [f'    ("{identifier}", "mirror_{identifier.removeprefix("coefficient_")}"),' for identifier, _ in reduction.mirror] + [")"]
-    weak_names = {(weak.row, weak.column): f"weak_{'pm'[weak.row]}{'pm'[weak.column]}" for weak in reduction.weak}
+    weak_names = {(weak.row, weak.column): weak_identifier(weak) for weak in reduction.weak}
     weak_titles = derivation.problem.coefficient_names
     if weak_names:
         lines += ["WEAK = ("] + [f'    ("{name}", {row}, {column}),' for (row, column), name in weak_names.items()] + [")"]
         titles = {text: title for text, title in weak_titles.items() if text.startswith("epsilon")}
-        lines += ["WEAK_NAMES = {"] + [f'    "{text}": "{titles[text]}",' for text in sorted(titles)] + ["}"]
+        lines += ["WEAK_NAMES = {"] + [f'    "{text}": {quoted(titles[text])},' for text in sorted(titles)] + ["}"]
     else:
         lines += ["WEAK = ()"]
     ends = ", ".join(printer.text(end) for end in formulation.interval) if formulation.interval else ""
@@ -339,15 +347,23 @@ def emit(derivation: Derivation) -> str:
         lines += integral_lines(f"mirror_{identifier.removeprefix('coefficient_')}", one, derivation, printer, "mirror_xi")
     for weak in reduction.weak:
         lines += integral_lines(weak_names[weak.row, weak.column], weak.coefficient, derivation, printer, "xi" if weak.row == 0 else "mirror_xi")
-    lines += ["", "", "def consistency(a):", '    """What redundant equations demand: each must vanish."""']
-    lines += [f"    {line}" for line in printer.bindings([condition for _, _, condition in reduction.spare])]
+    lines += consistency_lines("consistency", "What redundant equations demand at mu A, epsilon A and A**2: each must vanish.", reduction.linear_spare, derivation, printer)
+    lines += consistency_lines("consistency_cubic", "What redundant equations demand of the responses and at third order: each must vanish.", reduction.spare, derivation, printer)
+    return "\n".join([*lines, ""])
+
+
+def consistency_lines(name: str, title: str, spare: Sequence[tuple[str, str, Expr]], derivation: Derivation, printer: Printer) -> list[str]:
+    """Return the function that lists what redundant rows demand."""
+    lines = ["", "", f"def {name}(a):", f'    """{title}"""']
+    if not spare:
+        return [*lines, "    return ()"]
+    lines += [f"    {line}" for line in printer.bindings([condition for _, _, condition in spare])]
     lines += ["    return ("]
-    for side, text, condition in dict.fromkeys(reduction.spare):
+    for side, text, condition in dict.fromkeys(spare):
         shown = read(side, condition, printer, derivation) if side else printer.text(condition)
         body = wrapped("", [shown], ",", indent="            ")
         lines += [f'        ("{text}",', *body[:-1], body[-1].rstrip(",") + "),"]
-    lines += ["    )", ""]
-    return "\n".join(lines)
+    return [*lines, "    )"]
 
 
 def response_lines(response: Response, derivation: Derivation, printer: Printer) -> list[str]:

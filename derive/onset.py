@@ -243,7 +243,11 @@ class Spectrum:
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             place = np.linspace(float(self.formulation.interval[0]), float(self.formulation.interval[1]), 7) if self.formulation.interval else 0.0
-            for value in self.bases(place, control + 0j):
+            try:
+                values = self.bases(place, control + 0j)
+            except ZeroDivisionError as singular:
+                raise FloatingPointError from singular
+            for value in values:
                 value = np.asarray(value, dtype=complex)
                 if not np.all(np.isfinite(value)) or np.any(np.abs(value.imag) > 1e-9 * (1 + np.abs(value))):
                     raise FloatingPointError

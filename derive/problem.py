@@ -12,6 +12,7 @@ import traceback
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from sympy import (
     ImmutableMatrix,
     Integer,
     MatrixBase,
+    Rational,
     Symbol,
     expand,
     nan,
@@ -48,6 +50,11 @@ NOT_ANALYTIC = (
 )
 
 
+SCALAR_MONOMIALS = ("mu*A", "A**2*conj(A)", "A**2", "A**3", "epsilon*A")
+VECTOR_MONOMIALS = ("mu*A", "dot(A,A)*conj(A)", "dot(A,conj(A))*A", "dot(A,A)*A", "epsilon*A", *(f"epsilon*dot(A,e{j})*e{i}" for i in (1, 2) for j in (1, 2)))
+MONOMIALS = frozenset(SCALAR_MONOMIALS + VECTOR_MONOMIALS)
+
+
 class ProblemError(ValueError):
     """A mistake in the statement: says what was found, what was expected, what to do."""
 
@@ -62,8 +69,8 @@ def field(name: str, *arguments: Symbol) -> Expr:
 
 
 def vector_field(name: str, *arguments: Symbol) -> ImmutableMatrix:
-    """Return a real vector field, shape (3, 1), with Cartesian components `name_x, name_y, name_z`."""
-    return ImmutableMatrix([field(f"{name}_{axis}", *arguments) for axis in "xyz"])
+    """Return a real vector field, shape (3, 1), with Cartesian components `name.x, name.y, name.z`."""
+    return ImmutableMatrix([field(f"{name}.{axis}", *arguments) for axis in "xyz"])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,8 +179,6 @@ def exact(value: Any, what: str) -> Expr:
 
 def exact_advice(value: Any) -> str:
     """Say which exact number to write for a float."""
-    from sympy import Rational
-
     ratio = Rational(str(value)).limit_denominator(10**6)
     return f"write Rational({ratio.p}, {ratio.q})" if ratio.q != 1 else f"write {ratio.p}"
 
@@ -265,6 +270,22 @@ def frame_about(axis: ImmutableMatrix) -> tuple[ImmutableMatrix, ImmutableMatrix
     return first, second, normal
 
 
+def sign_in(expression: Expr, ranges: Mapping[Symbol, Any]) -> int:
+    """Return the sign of an expression that has one on the whole box of `ranges`, by a grid, else 0."""
+    symbols = [symbol for symbol in ranges if symbol in expression.free_symbols]
+    signs = set()
+    count = 257 if len(symbols) == 1 else 33
+    for shares in product(range(count), repeat=len(symbols)):
+        point = {symbol: ranges[symbol][0] + (ranges[symbol][1] - ranges[symbol][0]) * Rational(share, count - 1) for symbol, share in zip(symbols, shares, strict=True)}
+        value = expression.evalf(15, subs=point)
+        if not value.is_real:
+            return 0
+        signs.add(1 if value > 0 else -1 if value < 0 else 0)
+        if len(signs) > 1 or 0 in signs:
+            return 0
+    return signs.pop() if signs else 0
+
+
 def ordered_symbols(expressions: Iterable[Expr]) -> list[Symbol]:
     """Return the free symbols, by name."""
     found = set().union(*(expression.free_symbols for expression in expressions)) if expressions else set()
@@ -297,6 +318,13 @@ def formulate(problem: Problem) -> Formulation:
     if len(set(distinct)) < len(distinct):
         raise ProblemError("space, time, control: found one symbol twice; expected different symbols")
 
+    def agrees(symbol: Symbol, low: Expr, high: Expr, what: str) -> None:
+        """Refuse values that the assumptions of a symbol exclude: SymPy has simplified with them already."""
+        if symbol.is_nonnegative and low < 0 or symbol.is_nonpositive and high > 0 or symbol.is_real is False:
+            sign = "nonnegative" if symbol.is_nonnegative else "nonpositive" if symbol.is_nonpositive else "not real"
+            shown_values = f"{low}" if low == high else f"({low}, {high})"
+            raise ProblemError(f"{what}: found {shown_values} for {symbol}, which is declared {sign}; declare it real=True")
+
     def constant(value: Any, what: str) -> Expr:
         expression = exact(value, what)
         if expression.free_symbols - set(values):
@@ -317,12 +345,14 @@ def formulate(problem: Problem) -> Formulation:
             raise ProblemError(f"parameters: found a value for {symbol}, which is space, time, control or epsilon; leave it out")
     for symbol, value in problem.parameters.items():
         values[symbol] = constant(value, f"parameter {symbol}")
+        agrees(symbol, values[symbol], values[symbol], f"parameter {symbol}")
     pair = as_tuple(problem.control_range, "control_range")
     if len(pair) != 2:
         raise ProblemError(f"control_range: found {len(pair)} entries; expected (lower, upper)")
     low, high = (constant(value, "control_range") for value in pair)
     if not low < high:
         raise ProblemError(f"control_range: found ({low}, {high}); expected the lower end first")
+    agrees(problem.control, low, high, "control_range")
     interval: tuple[Expr, Expr] | None = None
     if spatial:
         ends = as_tuple(problem.interval, "interval")
@@ -331,6 +361,7 @@ def formulate(problem: Problem) -> Formulation:
         left, right = (constant(value, "interval") for value in ends)
         if not left < right:
             raise ProblemError(f"interval: found ({left}, {right}); expected the left end first")
+        agrees(problem.space, left, right, "interval")  # type: ignore[arg-type]
         interval = (left, right)
 
     axis = None
@@ -347,7 +378,6 @@ def formulate(problem: Problem) -> Formulation:
     if not fields:
         raise ProblemError("fields: found none; expected at least one field(...) or vector_field(...)")
     arguments = (problem.space, problem.time) if spatial else (problem.time,)
-    applied: dict[Any, int] = {}
     unknowns: list[Unknown] = []
     taken: set[str] = set()
     seen: set[str] = set()
@@ -358,11 +388,10 @@ def formulate(problem: Problem) -> Formulation:
             if not isinstance(part, AppliedUndef) or part.args != arguments:
                 wanted = ", ".join(str(argument) for argument in arguments)
                 raise ProblemError(f"fields: found {part}; expected a field of ({wanted}): field(name, {wanted})")
-            if part in applied or part.func.__name__ in seen:
-                raise ProblemError(f"fields: found {part.func.__name__} twice; expected different names")
-            applied[part] = number
-            seen.add(part.func.__name__)
-        label = parts[0].func.__name__ if len(parts) == 1 else parts[0].func.__name__.removesuffix("_x")
+        label = parts[0].func.__name__ if len(parts) == 1 else parts[0].func.__name__.removesuffix(".x")
+        if label in seen:
+            raise ProblemError(f"fields: found {label} twice; expected different names")
+        seen.add(label)
         start = len(unknowns)
         if len(parts) == 1:
             kinds = [("", 0)]
@@ -409,6 +438,20 @@ def formulate(problem: Problem) -> Formulation:
         key = (unknown, ds, dt)
         return jets.setdefault(key, Symbol(f"jet_{unknown}_{ds}_{dt}"))
 
+    def smooth(expression: Expr, what: str) -> Expr:
+        """Return the expression with |f| = f or -f where f has one sign in the whole range; refuse what has a kink there."""
+        ranges = {problem.control: (low, high), **({problem.space: interval} if interval is not None else {})}
+        replacement: dict[Expr, Expr] = {}
+        for node in preorder_traversal(expression):
+            kind = type(node).__name__
+            if kind not in NOT_ANALYTIC or not node.free_symbols & set(ranges):
+                continue
+            sign = sign_in(node.args[0].xreplace(values), ranges) if kind in ("Abs", "sign") else 0
+            if sign == 0:
+                raise ProblemError(f"{what}: found {node}; expected an expression that is smooth on the interval and in the control range")
+            replacement[node] = sign * node.args[0] if kind == "Abs" else Integer(sign)
+        return expression.xreplace(replacement)
+
     def translate(value: Any, what: str) -> Expr:
         expression = exact(value, what)
         expression = exact(expression.doit(), what)
@@ -440,7 +483,7 @@ def formulate(problem: Problem) -> Formulation:
                 raise ProblemError(f"{what}: found {kind}(...) of a field; expected a nonlinearity with a Taylor series at the base state")
         if expression.has(problem.time):
             raise ProblemError(f"{what}: found the time {problem.time} explicitly; expected equations that do not depend on time")
-        expression = expression.xreplace(user_symbols)
+        expression = smooth(expression, what).xreplace(user_symbols)
         allowed = set(user_symbols.values()) | set(jets.values())
         if expression.has(I) and frame is None:
             raise ProblemError(f"{what}: found I; expected real equations: write real and imaginary parts as two fields")
@@ -486,7 +529,7 @@ def formulate(problem: Problem) -> Formulation:
             raise ProblemError(f"base_state: found an entry for {key}; expected one of the fields")
     for key, number in known.items():
         if key not in stated:
-            name = key if not is_vector(key) else str(key[0]).replace("_x", "")
+            name = key if not is_vector(key) else key[0].func.__name__.removesuffix(".x")
             raise ProblemError(f"base_state: found nothing for {name}; expected the steady state of every field")
         parts = components(stated[key], f"base_state of {key}")
         mine = [unknown for unknown in unknowns if unknown.field == number]
@@ -503,7 +546,7 @@ def formulate(problem: Problem) -> Formulation:
             if strange or expression.atoms(AppliedUndef):
                 what = strange[0] if strange else sorted(expression.atoms(AppliedUndef), key=str)[0]
                 raise ProblemError(f"base_state: found {what} in {expression}; expected an expression in space, control and parameters")
-            exacts.append(expression.xreplace(user_symbols))
+            exacts.append(smooth(expression, f"base_state of {key if not is_vector(key) else key[0].func.__name__.removesuffix('.x')}").xreplace(user_symbols))
         if frame is not None and len(parts) == 3:
             e1, e2, normal = frame
             vector = ImmutableMatrix(exacts)
@@ -544,6 +587,8 @@ def formulate(problem: Problem) -> Formulation:
     for key, name in problem.coefficient_names.items():
         if not isinstance(key, str) or not isinstance(name, str) or not name:
             raise ProblemError(f"coefficient_names: found {key!r}: {name!r}; expected two strings")
+        if list(problem.coefficient_names.values()).count(name) > 1 or name != key and name in MONOMIALS:
+            raise ProblemError(f"coefficient_names: found {name!r} for {key!r}; expected a name that belongs to no other monomial")
 
     for unknown in unknowns:
         jet(unknown.index, 0, 0)

@@ -304,7 +304,12 @@ def coefficient_gamma(a):
 
 
 def consistency(a):
-    """What redundant equations demand: each must vanish."""
+    """What redundant equations demand at mu A, epsilon A and A**2: each must vanish."""
+    return ()
+
+
+def consistency_cubic(a):
+    """What redundant equations demand of the responses and at third order: each must vanish."""
     _phi, phi_1, _phi_2, phi_3 = mode(a)
     _phi_bar, phi_bar_1, _phi_bar_2, phi_bar_3 = mode_bar(a)
     return (

@@ -362,6 +362,10 @@ def coefficient_gamma(a):
 
 
 def consistency(a):
-    """What redundant equations demand: each must vanish."""
-    return (
-    )
+    """What redundant equations demand at mu A, epsilon A and A**2: each must vanish."""
+    return ()
+
+
+def consistency_cubic(a):
+    """What redundant equations demand of the responses and at third order: each must vanish."""
+    return ()

@@ -8,7 +8,7 @@ MULTIPLICITY = 1
 SPATIAL = True
 CONTROL = "r"
 CONTROL_RANGE = ("-1.0", "1.0")
-ONSET = ("1.8877888e-15", None)
+ONSET = ("0", None)
 COEFFICIENTS = (
     ("A**3", "A**3", "coefficient_A3"),
     ("mu*A", "mu*A", "coefficient_mu_A"),
@@ -132,6 +132,10 @@ def coefficient_A2(a):
 
 
 def consistency(a):
-    """What redundant equations demand: each must vanish."""
-    return (
-    )
+    """What redundant equations demand at mu A, epsilon A and A**2: each must vanish."""
+    return ()
+
+
+def consistency_cubic(a):
+    """What redundant equations demand of the responses and at third order: each must vanish."""
+    return ()

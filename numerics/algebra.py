@@ -146,7 +146,7 @@ def null_vector(rows: list[list[acb]]) -> list[acb]:
     n = len(rows[0])
     if n == 1:
         return [acb(1)]
-    matrix = [scaled_row(list(map(midpoint, row))) for row in rows]
+    matrix = [list(map(midpoint, row)) for row in rows]  # not scaled: what rounding leaves of a row that vanishes must stay small
     columns = list(range(n))
     pivots: list[tuple[int, list[acb]]] = []
     for _ in range(n - 1):
@@ -167,12 +167,6 @@ def null_vector(rows: list[list[acb]]) -> list[acb]:
     return result
 
 
-def scaled_row(row: list[acb]) -> list[acb]:
-    """Return the row divided by its largest entry."""
-    size = max((abs(entry) for entry in row), default=acb(0).real)
-    return [entry / size for entry in row] if size > 0 else row
-
-
 def midpoint(value: acb) -> acb:
     """Return the centre of a ball: these routes estimate their error from two computations."""
     return value.mid()
@@ -181,11 +175,7 @@ def midpoint(value: acb) -> acb:
 def solve_rows(rows: list[list[acb]], right: list[acb], corank: int) -> list[acb]:
     """Return the solution of a consistent system with `corank` more rows than unknowns, by complete pivoting."""
     n = len(rows[0]) if rows else 0
-    matrix = []
-    for row, value in zip(rows, right, strict=True):
-        line = [midpoint(entry) for entry in row]
-        size = max((abs(entry) for entry in line), default=acb(0).real)
-        matrix.append([entry / size for entry in (*line, midpoint(value))] if size > 0 else [*line, midpoint(value)])
+    matrix = [[*map(midpoint, row), midpoint(value)] for row, value in zip(rows, right, strict=True)]
     columns = list(range(n))
     pivots: list[tuple[int, list[acb]]] = []
     for _ in range(n):

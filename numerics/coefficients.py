@@ -212,7 +212,8 @@ def compute(module: Module, route: str, bits: int, resolution: Resolution, names
                 if abs(other - values[identifier]).mid() > arb(2) ** (-(tolerance_bits // 2)) * (1 + abs(other)):
                     raise EvaluationError("rotation_axis: found different coefficients for the two senses of rotation: the problem is not unchanged by reflections, and its amplitude "
                                           "equation is not of this class; drop rotation_axis")
-        for labels, condition in module.consistency(a):
+        demands = [*module.consistency(a), *(module.consistency_cubic(a) if quadratic_zero else ())]
+        for labels, condition in demands:
             size = largest(condition)
             reference = max((largest(one) for one in module.mode(a)), default=1.0)
             if size > 2.0 ** (-min(tolerance_bits // 2, 300)) * max(1.0, reference) ** 2:
@@ -344,7 +345,7 @@ def finished(module: Module, digits: int, route: str, first: Computed, second: C
         drift = abs(one - other).mid()
         size = abs(other).mid()
         floor = arb(10) ** -(digits + 2)
-        if size < floor * max_of(arb(1), arb(1)) and drift < floor or size < arb(10) ** -(digits + 2) * reference and drift < arb(10) ** -(digits + 2) * reference and size <= 8 * drift:
+        if size < floor * max_of(arb(1), reference) and drift < floor * max_of(arb(1), reference) and size <= 8 * drift:
             if monomial.startswith("epsilon"):
                 continue  # zero weak terms are left out
             if monomial != "mu*A":
