@@ -27,6 +27,7 @@ from derive.solvability import Solvability, solvability_of
 
 Given = dict[tuple[str, int], Expr]
 
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coefficient:
     r"""A coefficient of the amplitude equation, as solvability integrals over the integral that belongs to dA/dt.
@@ -310,14 +311,15 @@ def reduce_to_amplitude(expansion: Expansion, onset: Onset, operators: Mapping[i
     for side, rows in third.items():
         for row in rows:
             slow = forced(row, {key: -value for key, value in xi.forcing.items()}, functions)
-            for monomial, identifier, forcing in demanded:  # with dA/dt from the amplitude equation, the row must hold at each monomial
-                condition = forced(row, {key: -value for key, value in forcing.items()}, functions) + Symbol(identifier) * slow
+            for text, identifier, terms in demanded:  # with dA/dt from the amplitude equation, the row must hold at each monomial
+                condition = forced(row, {key: -value for key, value in terms.items()}, functions) + Symbol(identifier) * slow
                 if condition != 0:
-                    kept = linear_spare if monomial == "A**2" or monomial.startswith(("epsilon", "mu")) else spare
+                    kept = linear_spare if text == "A**2" or text.startswith(("epsilon", "mu")) else spare
                     kept.append((side, ", ".join(labels_of(row, expansion)), condition))
     return Reduction(
         kind=onset.kind, vector=vector, amplitudes=amplitudes, mode=mode, responses=tuple(responses), solvability=solvability, xi=xi, coefficients=tuple(coefficients),
-        quadratic=quadratic, mirror=tuple(mirror), mirror_xi=mirror_xi if mirror or any(one.row for one in weak) else None, weak=tuple(weak), spare=tuple(spare), linear_spare=tuple(linear_spare), functions=functions, operators=named_operators,
+        quadratic=quadratic, mirror=tuple(mirror), mirror_xi=mirror_xi if mirror or any(one.row for one in weak) else None, weak=tuple(weak), spare=tuple(spare),
+        linear_spare=tuple(linear_spare), functions=functions, operators=named_operators,
     )
 
 
