@@ -146,9 +146,16 @@ def derive(targets: tuple[str, ...], everything: bool, out: str, check: bool) ->
 @click.argument("target")
 @click.option("--part", type=click.Choice(["statement", "orders", "adjoint", "solvability", "amplitude", "all"]), default="all", show_default=True)
 @click.option("--order", default=None, help="One order only: 1/2, 1, 3/2, ...")
-def latex(target: str, part: str, order: str | None) -> None:
+@click.option("--symbol", "symbols", multiple=True, metavar="NAME=LATEX", help="Write a name of the statement, or mode, adjoint, amplitude, frequency, shift, small, axis, xi, ..., as LATEX.")
+def latex(target: str, part: str, order: str | None, symbols: tuple[str, ...]) -> None:
     """LaTeX of a part of the derivation, on standard output; it compiles inside amsmath."""
-    click.echo(derived(target).latex(part, order))
+    given = {}
+    for entry in symbols:
+        name, sign, text = entry.partition("=")
+        if not (name and sign and text):
+            raise click.UsageError(f"--symbol: found {entry!r}; expected NAME=LATEX")
+        given[name] = text
+    click.echo(derived(target).latex(part, order, given))
 
 
 def coefficients_of(target: str, digits: int, route: str, certify: bool) -> tuple[Derivation, Result]:

@@ -15,6 +15,7 @@ statement -> rows over jets           (problem)
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -69,11 +70,11 @@ class Derivation:
 
         return emit(self)
 
-    def latex(self, part: str = "all", order: str | None = None) -> str:
-        """Return LaTeX of a part: statement, orders, adjoint, solvability, amplitude or all."""
+    def latex(self, part: str = "all", order: str | None = None, symbols: Mapping[str, str] | None = None) -> str:
+        """Return LaTeX of a part: statement, orders, adjoint, solvability, amplitude or all; `symbols` are {name: LaTeX}."""
         from derive.latex import latex
 
-        return latex(self, part, order)
+        return latex(self, part, order, symbols)
 
     def _repr_latex_(self) -> str:
         return f"$$\n{self.amplitude_equation.latex()}\n$$"

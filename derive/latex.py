@@ -1,32 +1,36 @@
 r"""The derivation in LaTeX: statement, orders, adjoint, solvability, amplitude equation. It compiles inside amsmath.
 
-Vectors of a problem with a rotation axis are written in circular components :math:`v_\pm = v\cdot(e_1 \pm i e_2)` and
-:math:`v_n`, in which every term has one azimuthal and one temporal wavenumber.
+A problem with a rotation axis is written in vectors: A, its conjugate, the axis, their dot and cross products, as the paper does. An
+equation whose rows are not those of a vector is written in circular components :math:`v_\pm = v\cdot(e_1 \pm i e_2)`.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from sympy import Add, Derivative, Expr, ImmutableMatrix, Integer, Symbol
+from sympy import Add, Derivative, Expr, I, Integer, Symbol, expand, fraction, lcm, together
 from sympy import latex as sympy_latex
 from sympy.core.function import AppliedUndef
 
 from derive.amplitude import Coefficient
-from derive.expansion import TaylorRow
-from derive.operator import LAMBDA, OMEGA, FirstOrderOperator
-from derive.problem import ProblemError, epsilon
-from derive.response import Monomial
+from derive.harmonics import Harmonics, Monomial
+from derive.notation import Notation, added, half, joined, plain, primes
+from derive.operator import FirstOrderOperator
+from derive.problem import DerivationError, ProblemError, epsilon
+from derive.restricted import RestrictedProblem, ScalarAdjoint, conjugate, restricted_problem, scalar_adjoint
+from derive.two_times import Equation, Factor, Term, equations_of, stated_terms
 
 if TYPE_CHECKING:
     from derive.derivation import Derivation
 
 PARTS = ("statement", "orders", "adjoint", "solvability", "amplitude")
-COMPONENT = {"p": "+", "m": "-", "n": "n", "x": "x", "y": "y", "z": "z", "": ""}
+TITLES = {"statement": "Statement", "orders": "Orders of the expansion", "adjoint": "Adjoint problem", "solvability": "Solvability", "amplitude": "Amplitude equation"}
+COMMA = r",\, "
+HIGHEST = 8  # half-orders that are written on request
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +40,9 @@ class Part:
     derivation: Derivation
     part: str
 
-    def latex(self, order: str | None = None) -> str:
+    def latex(self, order: str | None = None, symbols: Mapping[str, str] | None = None) -> str:
         """Return the LaTeX of the part."""
-        return latex(self.derivation, self.part, order)
+        return latex(self.derivation, self.part, order, symbols)
 
     def __repr__(self) -> str:
         return self.latex()
@@ -51,122 +55,35 @@ class Part:
         return {"problem": self.derivation.problem.name, "part": self.part, "latex": self.latex()}
 
 
-class Writer:
-    """Names of symbols in LaTeX for one derivation; `symbols` overrides the defaults by emitted name."""
+def latex(derivation: Derivation, part: str = "all", order: str | None = None, symbols: Mapping[str, str] | None = None) -> str:
+    """Return LaTeX of a part, as displays; `all` is every part with headings.
 
-    def __init__(self, derivation: Derivation, symbols: Mapping[str, str] | None = None) -> None:
-        self.derivation = derivation
-        self.formulation = derivation.expansion.formulation
-        reduction = derivation.reduction
-        names: dict[Symbol, str] = {LAMBDA: r"\lambda", OMEGA: r"\omega"}
-        for theirs, ours in self.formulation.user_symbols.items():
-            if isinstance(ours, Symbol):
-                names[ours] = sympy_latex(theirs)
-        names[self.formulation.weak] = r"\epsilon"
-        for stem, shown in (("phi", r"\varphi"), ("phi_bar", r"\varphi^{*}"), ("zeta", r"\zeta")):
-            for k in range(len(reduction.mode.phi)):
-                bare = shown.removesuffix("^{*}")
-                star = "*" if shown.endswith("^{*}") else ""
-                if reduction.mode.operator.__class__ is FirstOrderOperator and getattr(reduction.mode.operator, "scalar", False) and stem != "zeta":
-                    text = bare if not k and not star else f"{bare}^{{{star}{primes(k)}}}"
-                else:
-                    text = f"{bare}_{{{k + 1}}}" + (f"^{{{star}}}" if star else "")
-                names[Symbol(stem if k == 0 else f"{stem}_{k}")] = text
-        for response in reduction.responses:
-            for state, (unknown, order) in zip(response.states, response.operator.names, strict=True):
-                if isinstance(state, Symbol) and state not in names:
-                    names[state] = self.superscript(f"{{{self.unknown(unknown)}}}{order * chr(39)}", response.monomial)
-        for symbol in reduction.functions.definitions:
-            names.setdefault(symbol, self.definition(symbol.name))
-        for name, text in (symbols or {}).items():
-            names[Symbol(name)] = text
-        self.names = names
-
-    def unknown(self, index: int) -> str:
-        """Return the LaTeX of an unknown."""
-        one = self.formulation.unknowns[index]
-        stem = sympy_latex(Symbol(one.latex))
-        sub = COMPONENT[one.component]
-        return f"{{{stem}}}_{{{sub}}}" if sub else stem
-
-    def superscript(self, stem: str, monomial: Monomial) -> str:
-        """Return a function that multiplies a monomial."""
-        return f"{stem}^{{[{self.monomial(monomial)}]}}"
-
-    def monomial(self, monomial: Monomial) -> str:
-        """Return a monomial of amplitudes."""
-        shown = {"A": "A", "Ac": "A^{*}", "Ap": "A_{+}", "Am": "A_{-}", "Cp": "A^{*}_{+}", "Cm": "A^{*}_{-}"}
-        parts = []
-        for count, amplitude in zip(monomial, self.derivation.reduction.amplitudes, strict=True):
-            if count:
-                text = shown[amplitude.name]
-                parts.append(text if count == 1 else f"({text})^{{{count}}}" if "_" in text or "*" in text else f"{text}^{{{count}}}")
-        return " ".join(parts) or "1"
-
-    def definition(self, name: str) -> str:
-        """Return the LaTeX of a named function from its emitted name."""
-        match = re.fullmatch(r"f_(\w+?)(?:_row)?_(\d+)", name)
-        if match:
-            stem, row = match.groups()
-            known = {"slow": r"\partial_T", "mu": r"\mu", "cubic": "3", "alpha": r"\alpha", "beta": r"\beta", "A2": "A^{2}"}
-            return rf"f_{{{int(row) + 1}}}^{{[{known.get(stem, self.from_label(stem))}]}}"
-        for response in self.derivation.reduction.responses:
-            for unknown in self.formulation.unknowns:
-                stem = f"{unknown.name}_{response.name}"
-                if name.rstrip("_") == stem or re.fullmatch(re.escape(stem) + r"(_s+)?", name):
-                    order = len(name.removeprefix(stem).strip("_"))
-                    return self.superscript(f"{{{self.unknown(unknown.index)}}}{order * chr(39)}", response.monomial)
-        escaped = name.replace("_", r"\_")
-        return rf"\mathrm{{{escaped}}}"
-
-    def from_label(self, label: str) -> str:
-        """Return the monomial that an emitted label spells."""
-        known = {"A": "A", "Ac": "A^{*}", "Ap": "A_{+}", "Am": "A_{-}", "Cp": "A^{*}_{+}", "Cm": "A^{*}_{-}", "weak": r"\epsilon", "mirror": "-"}
-        return " ".join(known.get(part, part) for part in label.split("_"))
-
-    def text(self, expression: Expr) -> str:
-        """Return an expression over named functions."""
-        return sympy_latex(expression, symbol_names=self.names)
-
-    def terms(self, expression: Expr) -> list[str]:
-        """Return the terms of a sum, each with its sign."""
-        parts = expression.as_ordered_terms() if isinstance(expression, Add) else [expression]
-        return [self.text(part) for part in parts]
-
-    def jets(self, coefficients: Mapping[tuple[int, int, int], Expr], order: str) -> list[str]:
-        """Return a linear form in the unknowns of one order, term by term."""
-        result = []
-        for (unknown, ds, dt), coefficient in coefficients.items():
-            space, time = self.names[self.formulation.space] if self.formulation.interval else "s", r"\tau"
-            operator = "".join(rf"\partial_{{{name}}}" + (f"^{{{count}}}" if count > 1 else "") + " " for name, count in ((time, dt), (space, ds)) if count)
-            body = f"{operator}{self.unknown(unknown)}^{{({order})}}"
-            factor = self.text(coefficient)
-            if coefficient == 1:
-                result.append(body)
-            elif coefficient == -1:
-                result.append(f"- {body}")
-            else:
-                result.append(rf"\left({factor}\right) {body}" if isinstance(coefficient, Add) else f"{factor} {body}")
-        return result
+    Raises
+    ------
+    ProblemError
+        There is no such part, order or symbol.
+    """
+    if part not in (*PARTS, "all"):
+        raise ProblemError(f"part: found {part!r}; expected one of {', '.join((*PARTS, 'all'))}")
+    writer = Writer(derivation, symbols)
+    if order is not None:
+        if part not in ("orders", "all"):
+            raise ProblemError(f"order: found it with part {part!r}; expected it with orders")
+        return display(writer.order(half_order_of(order)))
+    if part != "all":
+        return display(writer.rows(part))
+    return "\n\n".join(f"% {TITLES[name]}\n\\[\n{display(writer.rows(name))}\n\\]" for name in PARTS)
 
 
-def primes(k: int) -> str:
-    """Return a derivative of order k."""
-    return r"\prime" * k if k <= 3 else f"({k})"
-
-
-def joined(terms: Sequence[str], width: int = 3) -> str:
-    """Return a sum, broken into lines of a few terms for an aligned display."""
-    if not terms:
-        return "0"
-    lines: list[str] = []
-    for start in range(0, len(terms), width):
-        text = ""
-        for k, term in enumerate(terms[start:start + width]):
-            first = start == 0 and k == 0
-            text += term if first else f" {term}" if term.lstrip().startswith("-") else f" + {term}"
-        lines.append(text)
-    return " \\\\\n&\\quad ".join(lines)
+def half_order_of(order: str) -> int:
+    """Return twice an order that is a positive multiple of 1/2."""
+    try:
+        twice = 2 * Fraction(order)
+    except (ValueError, ZeroDivisionError):
+        twice = Fraction(0)
+    if twice.denominator != 1 or not 1 <= twice <= HIGHEST:
+        raise ProblemError(f"order: found {order!r}; expected 1/2, 1, 3/2, ..., {half(HIGHEST)}")
+    return int(twice)
 
 
 def display(rows: Iterable[str]) -> str:
@@ -175,299 +92,661 @@ def display(rows: Iterable[str]) -> str:
     return f"\\begin{{aligned}}\n{body}\n\\end{{aligned}}"
 
 
-def latex(derivation: Derivation, part: str = "all", order: str | None = None, symbols: Mapping[str, str] | None = None) -> str:
-    """Return LaTeX of a part, as displays; `all` is every part with headings.
-
-    Raises
-    ------
-    ProblemError
-        There is no such part or order.
-    """
-    if part not in (*PARTS, "all"):
-        raise ProblemError(f"part: found {part!r}; expected one of {', '.join((*PARTS, 'all'))}")
-    writer = Writer(derivation, symbols)
-    if order is not None:
-        known = order_names(derivation)
-        try:
-            wanted = str(Fraction(order))
-        except (ValueError, ZeroDivisionError):
-            wanted = order
-        if wanted not in known:
-            raise ProblemError(f"order: found {order!r}; expected one of {', '.join(known)}")
-        if part not in ("orders", "all"):
-            raise ProblemError(f"order: found it with part {part!r}; expected it with orders")
-        return order_display(writer, wanted)
-    makers = {"statement": statement, "orders": all_orders, "adjoint": adjoint, "solvability": solvability, "amplitude": amplitude}
-    if part != "all":
-        return makers[part](writer)
-    titles = {"statement": "Statement", "orders": "Orders of the expansion", "adjoint": "Adjoint problem", "solvability": "Solvability", "amplitude": "Amplitude equation"}
-    return "\n\n".join(f"% {titles[name]}\n\\[\n{makers[name](writer)}\n\\]" for name in PARTS)
-
-
-def order_names(derivation: Derivation) -> tuple[str, ...]:
-    """Return the orders in the small parameter."""
-    return ("1/2", "1", "3/2")
-
-
-def statement(writer: Writer) -> str:
-    """Return the equations, boundary rows and base state as the user wrote them."""
-    problem = writer.derivation.problem
-
-    def shown(expression: Any) -> str:
-        if isinstance(expression, int):
-            return str(expression)
-        names: dict[Any, Symbol] = {}
-        for derivative in sorted(expression.atoms(Derivative), key=str):
-            if isinstance(derivative.expr, AppliedUndef):
-                operator = " ".join(rf"\partial_{{{sympy_latex(v)}}}" + (f"^{{{n}}}" if n != 1 else "") for v, n in derivative.variable_count)
-                names[derivative] = Symbol(f"{operator} {function_name(derivative.expr)}")
-        for applied in sorted(expression.atoms(AppliedUndef), key=str):
-            names[applied] = Symbol(function_name(applied))
-        names[epsilon] = Symbol(r"\epsilon")
-        return sympy_latex(expression.xreplace(names), symbol_names={symbol: symbol.name for symbol in names.values()})
-
-    rows = []
-    for equation in problem.equations:
-        parts = list(equation) if hasattr(equation, "shape") else [equation]
-        rows += [f"{shown(part)} &= 0" for part in parts if part != 0]
-    for end, conditions in sorted((problem.boundary or {}).items(), key=lambda item: float(item[0])):
-        for condition in conditions if isinstance(conditions, (tuple, list)) else (conditions,):
-            parts = list(condition) if hasattr(condition, "shape") else [condition]
-            rows += [rf"{shown(part)} &= 0 \quad \text{{at}} \quad {sympy_latex(problem.space)} = {sympy_latex(end)}" for part in parts if part != 0]
-    for field, value in problem.base_state.items():
-        left = list(field) if hasattr(field, "shape") else [field]
-        right = list(ImmutableMatrix(value)) if hasattr(value, "shape") else [value] * len(left)
-        rows += [rf"{shown(a)} &= {shown(b)} \quad \text{{(base state)}}" for a, b in zip(left, right, strict=True)]
-    return display(rows)
-
-
-def function_name(applied: AppliedUndef) -> str:
-    """Return the LaTeX of a field's name."""
-    return sympy_latex(Symbol(applied.func.__name__))
-
-
-def all_orders(writer: Writer) -> str:
-    """Return every order, one after the other."""
-    return display(row for name in order_names(writer.derivation) for row in order_rows(writer, name))
-
-
-def order_display(writer: Writer, name: str) -> str:
-    """Return the display of one order."""
-    return display(order_rows(writer, name))
-
-
-def forced_rows(writer: Writer, order: str, forcing: Mapping[tuple[str, int], list[str]]) -> list[str]:
-    """Return the rows of an order: linear part = forcing."""
-    expansion = writer.derivation.expansion
-    rows = []
-    for kind, group, place in (("row", expansion.rows, None), *((end, rows, place) for end, rows, place in zip(
-            ("left", "right"), expansion.ends, writer.formulation.interval or (), strict=False))):
-        for number, row in enumerate(group):
-            if not row.linear():
-                continue
-            where = rf" \quad \text{{at}} \quad {writer.names[writer.formulation.space]} = {sympy_latex(place)}" if place is not None else ""
-            left = joined(writer.jets(row.linear(), order), 4)
-            rows.append(f"{left} &= {joined(forcing.get((kind, number), ['0']), 2)}{where}")
-    return rows
-
-
-def carried(writer: Writer, monomial: Monomial, harmonic: int) -> str:
-    """Return a monomial with its exponential."""
-    factor = "" if abs(harmonic) == 1 else str(abs(harmonic))
-    wave = "" if harmonic == 0 else rf" e^{{{'-' if harmonic < 0 else ''}{factor}i\omega\tau}}"
-    return writer.monomial(monomial) + wave
-
-
-def order_rows(writer: Writer, name: str) -> list[str]:
-    """Return the rows of one order and its solution."""
-    reduction = writer.derivation.reduction
-    definitions = reduction.functions.definitions
-    if name == "1/2":
-        rows = forced_rows(writer, "1/2", {})
-        for unknown in writer.formulation.unknowns:
-            parts = [rf"\left({writer.text(one.values[unknown.index])}\right) {carried(writer, one.monomial, one.harmonic)}" for one in reduction.mode.contributions if unknown.index in one.values]
-            if parts:
-                rows.append(f"{writer.unknown(unknown.index)}^{{(1/2)}} &= {joined(parts, 2)}")
-        return rows
-    if name == "1":
-        forcing: dict[tuple[str, int], list[str]] = {}
-        rows_by_response = []
-        for response in reduction.responses:
-            given = given_of(writer, response.monomial)
-            for key, value in given.items():
-                forcing.setdefault(key, []).append(rf"\left({writer.text(value)}\right) {carried(writer, response.monomial, response.harmonic)}")
-            for index, value in response.values.items():
-                shown = definitions[value].expression if isinstance(value, Symbol) and value in definitions else value
-                rows_by_response.append(f"{writer.superscript(writer.unknown(index), response.monomial)} &= {joined(writer.terms(shown), 3)}")
-            if response.explicit is not None and response.states and response.states[0].name.startswith(f"w_{response.name}"):
-                s = writer.names[writer.formulation.space]
-                left_end, right_end = (sympy_latex(end) for end in writer.formulation.interval or ())
-                for state, side, slope, constant in response.explicit:
-                    start = "" if constant == 0 else rf"\left[{writer.text(constant)}\right]_{{{s}={left_end if side == 'left' else right_end}}}"
-                    bounds = rf"\int_{{{left_end}}}^{{{s}}}" if side == "left" else rf"-\int_{{{s}}}^{{{right_end}}}"
-                    rows_by_response.append(rf"{writer.text(response.states[state])} &= {start} {'+' if start and side == 'left' else ''}{bounds} \left({writer.text(slope)}\right) d{s}")
-        return forced_rows(writer, "1", forcing) + rows_by_response
-    forcing = {}
-    slow: list[Coefficient] = [reduction.xi, *reduction.coefficients]
-    for one in slow:
-        for key, value in one.forcing.items():
-            shown = definitions[value].expression if isinstance(value, Symbol) and value in definitions else value
-            weight = r"\frac{dA}{dT}" if one.monomial == "dA/dt" else amplitude_term(one.monomial, reduction.vector)
-            wave = r" e^{i\omega\tau}" if reduction.kind == "hopf" else ""
-            forcing.setdefault(key, []).append(rf"- \left({writer.text(shown)}\right) \left[{weight}\right]{wave}")
-    rows = forced_rows(writer, "3/2", forcing)
-    return [*rows, r"&\text{with terms that are not secular left out}"]
-
-
-def given_of(writer: Writer, monomial: Monomial) -> dict[tuple[str, int], Expr]:
-    """Return the forcing of each row at a monomial of second order, from the rows' Taylor terms."""
-    from derive.response import Orders
-
-    derivation = writer.derivation
-    reduction = derivation.reduction
-    orders = Orders(derivation.expansion, reduction.amplitudes, reduction.functions, reduction.mode.growth)
-    orders.contributions.extend(reduction.mode.contributions)
-    result: dict[tuple[str, int], Expr] = {}
-
-    def add(kind: str, rows: Sequence[TaylorRow]) -> None:
-        for number, row in enumerate(rows):
-            value = -orders.at(row, monomial)
-            if value != 0:
-                result[kind, number] = value.expand()
-
-    add("row", derivation.expansion.rows)
-    for kind, rows in zip(("left", "right"), derivation.expansion.ends, strict=False):
-        add(kind, rows)
-    return result
-
-
-def matrix(writer: Writer, rows: Sequence[Sequence[Expr]]) -> str:
-    """Return a matrix."""
-    body = r" \\ ".join(" & ".join(writer.text(entry) for entry in row) for row in rows)
-    columns = "c" * max((len(row) for row in rows), default=1)
-    return rf"\left(\begin{{array}}{{{columns}}} {body} \end{{array}}\right)"
-
-
-def adjoint(writer: Writer) -> str:
-    """Return the operator, the adjoint operator, both sets of boundary rows and the boundary form."""
-    reduction = writer.derivation.reduction
-    operator = reduction.mode.operator
-    phi = r"\vec{\varphi}"
-    n = operator.size
-    states = ",\\, ".join(writer.names[symbol] for symbol in reduction.mode.phi)
-    zetas = ",\\, ".join(writer.names[symbol] for symbol in reduction.solvability.zeta)
-    if not isinstance(operator, FirstOrderOperator) or reduction.solvability.adjoint is None:
-        return display([rf"{matrix(writer, operator.matrix)} {phi} &= \vec{{0}}, \quad {phi} = ({states})^{{T}}",
-                        rf"\vec{{\zeta}}^{{T}} {matrix(writer, operator.matrix)} &= \vec{{0}}, \quad \vec{{\zeta}} = ({zetas})^{{T}}"])
-    s = writer.names.get(writer.formulation.space, "s")
-    left, right = (sympy_latex(end) for end in writer.formulation.interval or ())
-    adj = reduction.solvability.adjoint
-    rows = [
-        rf"\frac{{d{phi}}}{{d{s}}} &= {matrix(writer, operator.matrix)} {phi}, \quad {phi} = ({states})^{{T}}",
-        rf"\mathsf{{S}} &= {matrix(writer, operator.left.matrix)} \text{{ at }} {s}={left}, \quad \mathsf{{T}} = {matrix(writer, operator.right.matrix)} \text{{ at }} {s}={right}",
-        rf"\frac{{d\vec{{\zeta}}}}{{d{s}}} &= {matrix(writer, adj.matrix)} \vec{{\zeta}}, \quad \vec{{\zeta}} = ({zetas})^{{T}}",
-        rf"\mathsf{{S}}^{{\dagger}} &= {matrix(writer, adj.left)} \text{{ at }} {s}={left}, \quad \mathsf{{T}}^{{\dagger}} = {matrix(writer, adj.right)} \text{{ at }} {s}={right}",
-        rf"J &= \left[\vec{{\zeta}}^{{T}} {phi}\right]_{{{left}}}^{{{right}}} = \int_{{{left}}}^{{{right}}} \vec{{\zeta}}^{{T}} \vec{{f}} \, d{s}",
-    ]
-    if operator.scalar:
-        top = rf"\varphi^{{({n})}}"
-        value = writer.text(sum((operator.matrix[-1][j] * reduction.mode.phi[j] for j in range(n)), Integer(0)))
-        rows.append(rf"{top} &= {value}")
-        for unknown in writer.formulation.unknowns:
-            over = operator.recovery.get(unknown.index)
-            if over is not None:
-                rows.append(rf"{writer.unknown(unknown.index)} &= {writer.text(sum((over[0][j] * reduction.mode.phi[j] for j in range(n)), Integer(0)))}")
-    return display(rows)
-
-
-def solvability(writer: Writer) -> str:
-    """Return the general condition, for any forcing f of the rows and any boundary data g, h."""
-    condition = writer.derivation.reduction.solvability
-    s = writer.names.get(writer.formulation.space, "s")
-    terms = [rf"\left({writer.text(multiplier)}\right) f_{{{row + 1}}}" for row, multiplier in condition.interior.items()]
-    ends = dict(zip(("left", "right"), (sympy_latex(end) for end in writer.formulation.interval or ()), strict=False))
-    if not ends:
-        return display([f"{joined(terms)} &= 0"])
-    parts = [rf"\int_{{{ends['left']}}}^{{{ends['right']}}} \left[{' + '.join(terms)}\right] d{s}"]
-    for (end, row, order), multiplier in condition.boundary.items():
-        parts.append(rf"\left[\left({writer.text(multiplier)}\right) f_{{{row + 1}}}{chr(39) * order}\right]_{{{s}={ends[end]}}}")
-    for (end, row), multiplier in condition.data.items():
-        parts.append(rf"\left[{writer.text(multiplier)}\right]_{{{s}={ends[end]}}} {'g' if end == 'left' else 'h'}_{{{row + 1}}}")
-    return display([f"{joined(parts, 2)} &= 0"])
-
-
-def amplitude_term(monomial: str, vector: bool) -> str:
-    """Return a monomial of the amplitude equation."""
-    bold = r"\mathbf{A}" if vector else "A"
-    table = {
-        "mu*A": rf"\mu {bold}", "A**2*conj(A)": r"|A|^{2} A", "A**2": "A^{2}", "A**3": "A^{3}", "epsilon*A": rf"\epsilon {bold}",
-        "dot(A,A)*conj(A)": rf"({bold}\cdot{bold}) {bold}^{{*}}", "dot(A,conj(A))*A": rf"({bold}\cdot{bold}^{{*}}) {bold}", "dot(A,A)*A": rf"({bold}\cdot{bold}) {bold}",
-        "epsilon": r"\epsilon",
-    }
-    return table.get(monomial, monomial)
-
-
-def coefficient_symbol(one: Coefficient, index: int) -> str:
-    """Return the symbol of a coefficient: its name, or c with an index."""
-    return sympy_latex(Symbol(one.name)) if re.fullmatch(r"[A-Za-z]\w*", one.name) else f"c_{{{index}}}"
-
-
-def amplitude(writer: Writer) -> str:
-    """Return the amplitude equation and every coefficient as quadratures, with the functions that they name."""
-    reduction = writer.derivation.reduction
-    bold = r"\mathbf{A}" if reduction.vector else "A"
-    listed = [*reduction.coefficients]
-    terms = [f"{coefficient_symbol(one, k + 1)} {amplitude_term(one.monomial, reduction.vector)}" for k, one in enumerate(listed)]
-    rows = [rf"\frac{{d{bold}}}{{dt}} &= {joined(terms, 4)}"]
-    s = writer.names.get(writer.formulation.space, "s")
-    ends = tuple(sympy_latex(end) for end in writer.formulation.interval or ())
-
-    def integral(one: Coefficient) -> str:
-        parts = []
-        if one.integrand != 0:
-            body = writer.text(one.integrand)
-            parts.append(rf"\int_{{{ends[0]}}}^{{{ends[1]}}} \left[{body}\right] d{s}" if ends else body)
-        for place, value in zip(ends, (one.left, one.right), strict=False):
-            if value != 0:
-                parts.append(rf"\left[{writer.text(value)}\right]_{{{s}={place}}}")
-        return joined(parts, 1)
-
-    rows.append(rf"\xi &= {integral(reduction.xi)}")
-    rows += [rf"-\xi\, {coefficient_symbol(one, k + 1)} &= {integral(one)}" for k, one in enumerate(listed)]
-    if reduction.quadratic is not None:
-        rows.append(rf"-\xi\, c_{{A^{{2}}}} &= {integral(reduction.quadratic)}")
-    for definition in reduction.functions.definitions.values():
-        if not definition.symbol.name.count("mirror"):
-            rows.append(f"{writer.names[definition.symbol]} &= {joined(writer.terms(definition.expression))}")
-    return display(rows)
-
-
 def document(derivation: Derivation) -> str:
     """Return the derivation as a document that compiles with pdflatex."""
     writer = Writer(derivation)
-    name = derivation.problem.name.replace("_", r"\_")
-    titles = {"statement": "Statement", "orders": "Orders of the expansion", "adjoint": "Adjoint problem", "solvability": "Solvability", "amplitude": "Amplitude equation"}
-    makers = {"statement": statement, "adjoint": adjoint, "solvability": solvability, "amplitude": amplitude}
     lines = [
         "% Emitted by `fredholm derive`; do not edit.", r"\documentclass[a4paper,10pt]{article}", r"\usepackage{amsmath,amssymb}",
-        r"\usepackage[margin=15mm,landscape]{geometry}", r"\allowdisplaybreaks", rf"\title{{{name}: weakly nonlinear analysis}}", r"\date{}", r"\begin{document}", r"\maketitle",
+        r"\usepackage[margin=12mm,landscape]{geometry}", r"\allowdisplaybreaks", rf"\title{{{plain(derivation.problem.name)}: weakly nonlinear analysis}}", r"\date{}",
+        r"\begin{document}", r"\maketitle",
     ]
     for part in PARTS:
-        lines.append(rf"\section{{{titles[part]}}}")
+        lines.append(rf"\section{{{TITLES[part]}}}")
         if part == "orders":
-            for order in order_names(derivation):
-                lines += [rf"\subsection{{$O(\epsilon^{{{order}}})$}}", breakable(order_rows(writer, order))]
+            for half_order in (1, 2, 3):
+                lines += [rf"\subsection{{$O({writer.notation.symbol['small']}^{{{half(half_order)}}})$}}", breakable(writer.order(half_order))]
         else:
-            lines.append(breakable(undisplayed(makers[part](writer))))
+            lines.append(breakable(writer.rows(part)))
     return "\n".join([*lines, r"\end{document}", ""])
-
-
-def undisplayed(text: str) -> list[str]:
-    """Return the rows of a display."""
-    return text.removeprefix("\\begin{aligned}\n").removesuffix("\n\\end{aligned}").split(" \\\\\n")
 
 
 def breakable(rows: Sequence[str]) -> str:
     """Return rows as a display that may break across pages."""
     body = " \\\\\n".join(rows)
     return f"\\begin{{align*}}\n{body}\n\\end{{align*}}"
+
+
+class Writer:
+    """Writes the stages of one derivation, each as the rows of a display."""
+
+    def __init__(self, derivation: Derivation, symbols: Mapping[str, str] | None = None) -> None:
+        self.derivation = derivation
+        self.formulation = derivation.expansion.formulation
+        self.reduction = derivation.reduction
+        self.notation = Notation(derivation, symbols)
+        self.equations = equations_of(self.formulation)
+        self.harmonics = Harmonics(derivation.expansion, derivation.reduction)
+        self.numbers = secular_numbers(self.equations)
+        self.ends = tuple(sympy_latex(end) for end in self.formulation.interval or ())
+
+    def rows(self, part: str) -> list[str]:
+        """Return the rows of a part."""
+        if part == "orders":
+            return [row for half_order in (1, 2, 3) for row in self.order(half_order)]
+        return {"statement": self.statement, "adjoint": self.adjoint, "solvability": self.solvability, "amplitude": self.amplitude}[part]()
+
+    def where(self, equation: Equation) -> str:
+        """Return where a boundary row holds."""
+        return "" if equation.place is None else rf" \quad \text{{at}} \quad {self.notation.space} = {sympy_latex(equation.place)}"
+
+    # Statement
+
+    def statement(self) -> list[str]:
+        """Return equations, boundary rows and base state (labels ``eqs``, ``constraint``, ``bcs wall``, ``bcs tip``, ``base state``)."""
+        notation = self.notation
+        rows = []
+        for equation in self.equations:
+            terms = stated_terms(equation)
+            written = notation.form(terms, threshold=False) if terms is not None else None
+            zero = self.zero(equation)
+            if written is not None:
+                rows.append(f"{joined(written, 6)} &= {zero}{self.where(equation)}")
+            else:
+                rows += [f"{line} &= 0{self.where(equation)}" for line in self.as_stated(equation)]
+        unknowns = self.formulation.unknowns
+        for unknown in unknowns:
+            base = self.formulation.base[unknown.index]
+            if unknown.component in ("m", "n"):
+                continue
+            if unknown.component == "p":
+                along = self.formulation.base[unknown.index + 2]
+                sign, body = notation.product(along, notation.axis, threshold=False)
+                value = rf"\mathbf{{0}}" if along == 0 else ("-" if sign == "-" else "") + body  # noqa: F541
+                rows.append(rf"{notation.field(unknown.index)} &= {value} \quad \text{{(base state)}}")
+            else:
+                rows.append(rf"{notation.component(unknown.index)} &= {notation.text(base, threshold=False)} \quad \text{{(base state)}}")
+        return rows
+
+    def zero(self, equation: Equation) -> str:
+        """Return the right side of an equation that vanishes."""
+        return "0" if "" in equation.components else r"\mathbf{0}"
+
+    def as_stated(self, equation: Equation) -> list[str]:
+        """Return an equation that is no polynomial in the user's own terms."""
+        problem = self.derivation.problem
+        where = equation.label.replace("]", "").split("[")
+        stated = problem.equations[int(where[1])] if where[0] == "equations" else None
+        if stated is None:
+            conditions = next(value for end, value in (problem.boundary or {}).items() if str(end) == where[1] or str(equation.place) == str(end))
+            stated = (conditions if isinstance(conditions, (tuple, list)) else (conditions,))[int(where[2])]
+        parts = list(stated) if hasattr(stated, "shape") else [stated]
+        if len(where) > (2 if where[0] == "equations" else 3):
+            parts = [parts[int(where[-1])]]
+        return [self.in_fields(part) for part in parts if part != 0]
+
+    def in_fields(self, expression: Any) -> str:
+        """Return an expression in the fields of the statement."""
+        names: dict[Any, Symbol] = {}
+        texts: dict[Symbol, str] = {}
+
+        def name(text: str) -> Symbol:
+            symbol = Symbol(f"field{len(names)}")
+            texts[symbol] = text
+            return symbol
+
+        for derivative in sorted(expression.atoms(Derivative), key=str):
+            operators = " ".join(rf"\partial_{{{sympy_latex(v)}}}" + (f"^{{{n}}}" if n != 1 else "") for v, n in derivative.variable_count)
+            names[derivative] = name(f"{operators} {field_name(derivative.expr)}")
+        for applied in sorted(expression.atoms(AppliedUndef), key=str):
+            names[applied] = name(field_name(applied))
+        names[epsilon] = name(self.notation.symbol["small"])
+        return sympy_latex(expression.xreplace(names), symbol_names=texts)
+
+    # Orders
+
+    def order(self, half_order: int) -> list[str]:
+        """Return the equations of one order, their forcing in harmonics, and the solution where the amplitude equation needs it."""
+        rows: list[str] = []
+        secular: list[str] = []
+        for equation in self.equations:
+            terms = equation.at_order(half_order)
+            left = {c: {key: value for key, value in one.items() if is_linear(key, half_order)} for c, one in terms.items()}
+            right = {c: {key: -value for key, value in one.items() if not is_linear(key, half_order)} for c, one in terms.items()}
+            lines = self.sides(left, right)
+            if not lines:
+                continue
+            extra = self.forcing(equation) if half_order == 2 else []
+            if half_order == 3 and equation in self.numbers:
+                found = self.secular(equation)
+                if found:
+                    wave = self.wave(1) + (r" + \text{c.c.} + \text{n.s.t.}" if self.notation.hopf else r" + \text{n.s.t.}")
+                    symbol = self.forcing_symbol(equation)
+                    extra = [rf"{symbol}{' ' + wave if self.notation.hopf else wave}"]
+                    secular.append(f"{symbol} &= {joined(found, 3)}")
+            for k, (left_text, right_text) in enumerate(lines):
+                braces = rf" \\" "\n" rf"&\quad \left\{{ = {joined(extra, 3)} \right\}}" if extra and k == len(lines) - 1 and len(extra) <= 3 else ""
+                if extra and len(extra) > 3 and k == len(lines) - 1:
+                    braces = rf" \\" "\n" rf"&\quad = {joined(extra, 3)}"
+                rows.append(f"{left_text} &= {right_text}{self.where(equation)}{braces}")
+        if half_order in (1, 2):
+            rows += self.solution(half_order)
+        return rows + secular
+
+    def sides(self, left: Mapping[str, Mapping[Term, Expr]], right: Mapping[str, Mapping[Term, Expr]]) -> list[tuple[str, str]]:
+        """Return an equation in vectors, or else in components."""
+        if not any(left.values()) and not any(right.values()):
+            return []
+        zero = "0" if "" in left else r"\mathbf{0}"
+        one, other = self.notation.form(left), self.notation.form(right)
+        if one is not None and other is not None:
+            return [(joined(one, 6), joined(other, 5) if other else zero)]
+        return [(joined(self.components(left[c]), 6), joined(self.components(right[c]), 4) if right[c] else "0") for c in left if left[c] or right[c]]
+
+    def components(self, terms: Mapping[Term, Expr]) -> list[str]:
+        """Return terms in components."""
+        notation = self.notation
+        result = []
+        for (control, weak, factors), coefficient in terms.items():
+            lead = [notation.symbol["shift"] + (f"^{{{control}}}" if control > 1 else "")] if control else []
+            lead += [notation.symbol["weak"]] if weak else []
+            body = " ".join([*lead, *(self.component(factor) for factor in factors)])
+            result.append(notation.product(coefficient, body))
+        return added(result)
+
+    def component(self, factor: Factor) -> str:
+        """Return a derivative of one component."""
+        whole = self.notation.field(factor.unknown)
+        return self.notation.factor(factor).replace(whole, self.notation.component(factor.unknown) + ("{}" if factor.half_order else ""), 1)
+
+    def wave(self, harmonic: int) -> str:
+        """Return the exponential of a harmonic."""
+        if harmonic == 0 or not self.notation.hopf:
+            return ""
+        count = "" if abs(harmonic) == 1 else f"{abs(harmonic)} "
+        return rf"e^{{{'-' if harmonic < 0 else ''}{count}i {self.notation.symbol['frequency']} {self.notation.symbol['fast_time']}}}"
+
+    def quadratic(self, values: Mapping[Monomial, Expr]) -> list[tuple[Expr, str, bool]]:
+        """Return second-order monomials in the amplitude as (coefficient, text, whether its conjugate is to be added)."""
+        a, shift = self.notation.amplitude, self.notation.symbol["shift"]
+        result: list[tuple[Expr, str, bool]] = []
+
+        def value(monomial: Monomial) -> Expr:
+            return self.notation.inlined(values.get(monomial, Integer(0)))
+
+        chi = value(self.harmonics.shift)
+        if self.notation.vector and self.notation.hopf:
+            x, y = value((0, 0, 1, 0, 0, 1)), value((0, 0, 0, 1, 1, 0))  # A_+ A*_- and A_- A*_+
+            result.append((value((0, 0, 1, 1, 0, 0)), rf"\left({a} \cdot {a}\right) {self.wave(2)}", True))
+            result.append((expand(x + y), rf"\left|{a}\right|^{{2}}", False))
+            result.append((expand(I * (y - x)), rf"\left({self.notation.axis} \cdot {a} \times {a}^{{*}}\right)", False))
+        elif self.notation.vector:
+            result.append((value((0, 0, 1, 1)), rf"\left({a} \cdot {a}\right)", False))
+        elif self.notation.hopf:
+            result.append((value((0, 0, 2, 0)), f"{a}^{{2}} {self.wave(2)}", True))
+            result.append((value((0, 0, 1, 1)), rf"\left|{a}\right|^{{2}}", False))
+        else:
+            result.append((value((0, 0, 2)), f"{a}^{{2}}", False))
+        result.append((chi, shift, False))
+        return [one for one in result if one[0] != 0]
+
+    def quadratic_text(self, values: Mapping[Monomial, Expr], vector: bool) -> list[str]:
+        """Return second-order monomials written out; along the axis where the field is a vector."""
+        result: list[tuple[str, str]] = []
+        a = self.notation.amplitude
+        for coefficient, body, doubled in self.quadratic(values):
+            along = self.notation.axis if vector else ""
+            if vector and r"\times" in body:  # n (n . A x A*) = A x A*: A is normal to the axis
+                body, along = rf"\left({a} \times {a}^{{*}}\right)", ""
+            sign, text = self.notation.product(coefficient, " ".join(part for part in (body, along) if part))
+            result.append((sign, text + (r" + \text{c.c.}" if doubled else "")))
+        return added(result)
+
+    def forcing(self, equation: Equation) -> list[str]:
+        """Return the forcing of second order in harmonics: what the braces of the paper hold (label ``eqs 1``)."""
+        component = "n" if "n" in equation.components else ""
+        values = self.harmonics.forcing(equation, component, 2)
+        if not set(values) - {self.harmonics.shift}:
+            return []
+        return self.quadratic_text(values, component == "n")
+
+    def forcing_symbol(self, equation: Equation) -> str:
+        """Return f, g or h with its number."""
+        kind = {"row": "f", "left": "g", "right": "h"}[equation.side]
+        stem = rf"\mathbf{{{kind}}}" if "p" in equation.components else kind
+        return f"{stem}_{{({self.numbers[equation]})}}"
+
+    def secular(self, equation: Equation) -> list[str]:
+        """Return the secular forcing of an equation (label ``secular forcing terms``)."""
+        notation, a = self.notation, self.notation.amplitude
+        slow = rf"\frac{{\mathrm{{d}} {a}}}{{\mathrm{{d}} {notation.symbol['slow_time']}}}"
+        shift, weak = notation.symbol["shift"], notation.symbol["weak"]
+        if "p" not in equation.components:
+            if notation.vector:
+                return []
+            values = {key: notation.inlined(value) for key, value in self.harmonics.forcing(equation, "", 3).items()}
+            cubic = ((0, 0, 2, 1), rf"\left|{a}\right|^{{2}} {a}") if notation.hopf else ((0, 0, 3), f"{a}^{{3}}")
+            table = [(self.harmonics.slow(0), slow), cubic, (self.harmonics.shifted(0), f"{shift} {a}"), (self.harmonics.weak(0), f"{weak} {a}")]
+            return added(notation.product(values[key], body) for key, body in table if values.get(key, 0) != 0)
+        plus = {key: notation.inlined(value) for key, value in self.harmonics.forcing(equation, "p", 3).items()}
+        minus = {key: notation.inlined(value) for key, value in self.harmonics.forcing(equation, "m", 3).items()}
+        pairs: list[tuple[Expr, Expr, str]] = []
+
+        def both(one: Monomial, other: Monomial, body: str) -> None:
+            pairs.append((plus.get(one, Integer(0)), minus.get(other, Integer(0)), body))
+
+        both(self.harmonics.slow(0), self.harmonics.slow(1), slow)
+        if notation.hopf:
+            # A_+^2 A*_- = X and A_+ A_- A*_+ = Y stand in |A|^2 A + (A.A) A* with 2X and Y - X
+            x, y = plus.get((0, 0, 2, 0, 0, 1), Integer(0)), plus.get((0, 0, 1, 1, 1, 0), Integer(0))
+            x_minus, y_minus = minus.get((0, 0, 0, 2, 1, 0), Integer(0)), minus.get((0, 0, 1, 1, 0, 1), Integer(0))
+            pairs.append((2 * x, 2 * x_minus, rf"\left|{a}\right|^{{2}} {a}"))
+            pairs.append((y - x, y_minus - x_minus, rf"\left({a} \cdot {a}\right) {a}^{{*}}"))
+        else:
+            both((0, 0, 2, 1), (0, 0, 1, 2), rf"\left({a} \cdot {a}\right) {a}")
+        both(self.harmonics.shifted(0), self.harmonics.shifted(1), f"{shift} {a}")
+        result: list[tuple[str, str]] = []
+        for one, other, body in pairs:
+            straight, turned = expand((one + other) / 2), expand((one - other) / (2 * I))
+            result += [notation.product(part, text) for part, text in ((straight, body), (turned, across(notation.axis, body, a))) if part != 0]
+        return added([*result, *self.weak_terms(plus, minus)])
+
+    def weak_terms(self, plus: Mapping[Monomial, Expr], minus: Mapping[Monomial, Expr]) -> list[tuple[str, str]]:
+        """Return a weak effect in the directions e_1, e_2 across the axis, or as a multiple of A where it keeps the symmetry."""
+        notation, a = self.notation, self.notation.amplitude
+        first, second = self.harmonics.weak(0), self.harmonics.weak(1)
+        p, q, r, s = (values.get(key, Integer(0)) for values, key in ((plus, first), (plus, second), (minus, first), (minus, second)))
+        table = {(1, 1): (p + q + r + s) / 2, (1, 2): I * (p + r - q - s) / 2, (2, 1): (p - r + q - s) / (2 * I), (2, 2): (p - r - q + s) / 2}
+        table = {key: expand(value) for key, value in table.items()}
+        if table[1, 2] == table[2, 1] == 0 and expand(table[1, 1] - table[2, 2]) == 0:
+            return [notation.product(table[1, 1], f"{notation.symbol['weak']} {a}")] if table[1, 1] != 0 else []
+        return [notation.product(value, rf"{notation.symbol['weak']} \left({a} \cdot \mathbf{{e}}_{{{j}}}\right) \mathbf{{e}}_{{{i}}}") for (i, j), value in table.items() if value != 0]
+
+    def solution(self, half_order: int) -> list[str]:
+        """Return the fields of one order (labels ``sol 1/2``, ``sol 1``)."""
+        notation, a = self.notation, self.notation.amplitude
+        rows = []
+        unknowns = self.formulation.unknowns
+        tail = rf" {self.wave(1)} + \text{{c.c.}}" if notation.hopf else ""
+        first = {one.monomial: one for one in self.reduction.mode.contributions}
+        for unknown in unknowns:
+            if half_order == 1:
+                if unknown.component == "p":
+                    plus = self.harmonics.value(unknown.index, self.harmonics.single(0))
+                    minus = self.harmonics.value(unknown.index + 1, self.harmonics.single(1))
+                    straight, turned = expand((plus + minus) / 2), expand((plus - minus) / (2 * I))
+                    terms = added(notation.product(part, text) for part, text in ((straight, a), (turned, rf"{notation.axis} \times {a}")) if part != 0)
+                elif unknown.component in ("m", "n") or notation.vector:
+                    continue
+                else:
+                    value = first[self.reduction.mode.contributions[0].monomial].values.get(unknown.index, Integer(0))
+                    terms = added([notation.product(value, a)]) if value != 0 else []
+                zero = r"\mathbf{0}" if unknown.component == "p" else "0"
+                rows.append(f"{notation.at_order(unknown.index, half_order)} &= {joined(terms, 3) + tail if terms else zero}")
+            else:
+                if unknown.component in ("p", "m"):
+                    continue
+                terms = self.quadratic_text(self.harmonics.values(unknown.index), unknown.component == "n")
+                zero = r"\mathbf{0}" if unknown.component == "n" else "0"
+                rows.append(f"{notation.at_order(unknown.index, half_order)} &= {joined(terms, 3) if terms else zero}")
+        return rows + (self.responses() if half_order == 2 else [])
+
+    def responses(self) -> list[str]:
+        """Return what defines the response functions: nested quadratures, or a linear problem."""
+        notation = self.notation
+        s = notation.space
+        rows: list[str] = []
+        seen: set[Symbol] = set()
+        for response in self.reduction.responses:
+            states = [state for state in response.states if isinstance(state, Symbol)]
+            if not states or states[0] in seen:
+                continue
+            seen.update(states)
+            if response.explicit is not None:
+                for state, side, slope, constant in response.explicit:
+                    start = notation.sum(notation.inlined(constant))
+                    lead = rf"\left[{joined(start, 9)}\right]_{{{s} = {self.ends[0] if side == 'left' else self.ends[1]}}}" if start else ""
+                    bounds = rf"\int_{{{self.ends[0]}}}^{{{s}}}" if side == "left" else rf"\int_{{{s}}}^{{{self.ends[1]}}}"
+                    body = joined(notation.sum(notation.inlined(slope)), 9)
+                    sign = "-" if side == "right" else "+" if lead else ""
+                    rows.append(rf"{notation.text(response.states[state])} &= {' '.join(part for part in (lead, sign, bounds) if part)} \left({body}\right) \mathrm{{d}} \tilde{{{s}}}")
+                continue
+            operator = response.operator
+            for i, state in enumerate(response.states):
+                terms = [(operator.matrix[i][j], notation.text(other)) for j, other in enumerate(response.states) if operator.matrix[i][j] != 0]
+                lines = added([notation.product(c, body) for c, body in terms])
+                forcing = notation.sum(notation.inlined(response.forcing[i]))
+                if isinstance(operator, FirstOrderOperator):
+                    tail = [one if k or one.startswith("-") or not lines else f"+ {one}" for k, one in enumerate(forcing)]
+                    rows.append(rf"\frac{{\mathrm{{d}}}}{{\mathrm{{d}} {s}}} {notation.text(state)} &= {joined([*lines, *tail], 5)}")
+                else:
+                    rows.append(f"{joined(lines, 5)} &= {joined(forcing, 4)}")
+            if isinstance(operator, FirstOrderOperator):
+                for end, boundary, data in ((self.ends[0], operator.left, response.left), (self.ends[1], operator.right, response.right)):
+                    for line, value in zip(boundary.matrix, data, strict=True):
+                        left = added([notation.product(c, notation.text(state)) for c, state in zip(line, response.states, strict=True) if c != 0])
+                        rows.append(rf"{joined(left, 5)} &= {joined(notation.sum(notation.inlined(value)), 4)} \quad \text{{at}} \quad {s} = {end}")
+            if response.singular:
+                left = added([notation.product(c, notation.text(state)) for c, state in zip(self.reduction.mode.normalisation, response.states, strict=True) if c != 0])
+                place = rf" \quad \text{{at}} \quad {s} = {sympy_latex(self.formulation.place)}" if self.formulation.place is not None else ""
+                rows.append(f"{joined(left, 5)} &= 0{place}")
+        return rows
+
+    # Adjoint and solvability
+
+    @cached_property
+    def restricted(self) -> RestrictedProblem | None:
+        """L, S and T in the fields of the statement, where the rows are as many as the fields."""
+        if self.formulation.interval is None:
+            return None
+        try:
+            return restricted_problem(self.derivation.expansion, 1 if self.notation.vector else 0, self.reduction.mode.growth)
+        except DerivationError:
+            return None
+
+    @cached_property
+    def scalar(self) -> ScalarAdjoint | None:
+        """The adjoint solution by one scalar function, where there is one."""
+        operator = self.reduction.mode.operator
+        if not isinstance(operator, FirstOrderOperator):
+            return None
+        rows = self.restricted.rows if self.restricted is not None else tuple(self.reduction.solvability.interior)
+        return scalar_adjoint(operator, self.reduction.solvability, self.reduction.functions, rows)
+
+    def adjoint(self) -> list[str]:
+        """Return L, S, T, their adjoints, the boundary form, and the homogeneous solutions (labels ``matrix operators`` to ``adjoint bcs``)."""
+        notation, reduction = self.notation, self.reduction
+        operator = reduction.mode.operator
+        if not isinstance(operator, FirstOrderOperator):
+            matrix = array([[notation.text(entry) for entry in row] for row in operator.matrix])
+            phi, zeta = (COMMA.join(notation.text(symbol) for symbol in group) for group in (reduction.mode.phi, reduction.solvability.zeta))
+            return [rf"\mathsf{{M}} &= {matrix}, \quad \mathsf{{M}} \left[{phi}\right]^{{T}} = \vec{{0}}", rf"\left[{zeta}\right] \mathsf{{M}} &= \vec{{0}}"]
+        restricted = self.restricted
+        rows = self.restricted_rows(restricted) if restricted is not None else []
+        rows += self.mode_rows(operator)
+        scalar = self.scalar
+        if scalar is not None:
+            return rows + self.scalar_rows(scalar, restricted)
+        adj = reduction.solvability.adjoint
+        assert adj is not None
+        zeta = COMMA.join(notation.text(symbol) for symbol in reduction.solvability.zeta)
+        rows.append(rf"\frac{{\mathrm{{d}} \vec{{z}}}}{{\mathrm{{d}} {notation.space}}} &= {array([[notation.text(e) for e in row] for row in adj.matrix])} \vec{{z}}, \quad \vec{{z}} = \left[{zeta}\right]^{{T}}")
+        for end, lines in zip(self.ends, (adj.left, adj.right), strict=True):
+            rows.append(rf"{array([[notation.text(e) for e in row] for row in lines])} \vec{{z}} &= \vec{{0}} \quad \text{{at}} \quad {notation.space} = {end}")
+        return rows
+
+    def mode_rows(self, operator: FirstOrderOperator) -> list[str]:
+        """Return the equation of the critical mode and the fields in terms of it (labels ``ode``, ``ode bcs``, ``general linear``)."""
+        notation, phi = self.notation, self.reduction.mode.phi
+        n = operator.size
+        rows = []
+        s = notation.space
+        if operator.scalar:
+            value = expand(sum((operator.matrix[-1][j] * phi[j] for j in range(n)), Integer(0)))
+            mode = self.notation.symbol["mode"]
+            rows.append(f"{mode}{primes(n)} &= {joined(notation.sum(value), 6)}")
+        else:
+            names = COMMA.join(notation.text(symbol) for symbol in phi)
+            rows.append(rf"\frac{{\mathrm{{d}} \vec{{y}}}}{{\mathrm{{d}} {s}}} &= {array([[notation.text(e) for e in row] for row in operator.matrix])} \vec{{y}}, \quad \vec{{y}} = \left[{names}\right]^{{T}}")
+        for end, boundary in zip(self.ends, (operator.left, operator.right), strict=True):
+            for line in boundary.matrix:
+                terms = added([notation.product(c, notation.text(one)) for c, one in zip(line, phi, strict=True) if c != 0])
+                rows.append(rf"{joined(terms, 6)} &= 0 \quad \text{{at}} \quad {s} = {end}")
+        return rows
+
+    def entry(self, coefficients: Mapping[int, Expr], parity: int) -> str:
+        """Return an entry of L: a differential operator, with n x where it joins a true vector and a pseudovector."""
+        s = self.notation.space
+        turn = rf"{self.notation.axis} \times" if parity < 0 else ""
+        terms = []
+        for k, c in sorted(coefficients.items(), reverse=True):
+            slope = rf"\frac{{\mathrm{{d}}{f'^{{{k}}}' if k > 1 else ''}}}{{\mathrm{{d}} {s}{f'^{{{k}}}' if k > 1 else ''}}}" if k else ""
+            body = " ".join(part for part in (turn, slope) if part)
+            value = expand(c / I) if parity < 0 else c
+            terms += [self.notation.product(part, body) for part in (Add.make_args(value) if not body else (value,))]
+        return " ".join(added(terms)) if terms else "0"
+
+    def restricted_rows(self, problem: RestrictedProblem) -> list[str]:
+        """Return L, S, T and their adjoints, and J."""
+        notation = self.notation
+        size = range(len(problem.fields))
+        fields = [notation.field(index) if notation.vector else notation.component(index) for index in problem.fields]
+        rows = [rf"\vec{{\psi}} &= \left[{COMMA.join(fields)}\right]^{{T}}, \quad \mathsf{{L}} \vec{{\psi}} = \vec{{f}}, \quad \mathsf{{S}} \vec{{\psi}} = \vec{{g}}, \quad \mathsf{{T}} \vec{{\psi}} = \vec{{h}}"]
+        direct = [[self.entry(problem.operator[i][j], problem.row_parity[i] * problem.parity[j]) for j in size] for i in size]
+        rows.append(rf"\mathsf{{L}} &= {array(direct)}")
+
+        def boundary(name: str, lines: Sequence[tuple[Mapping[tuple[int, int], Expr], int]], parities: Sequence[int], place: str) -> str:
+            table = []
+            for line, parity in lines:
+                table.append([self.entry({k: c for (j, k), c in line.items() if j == column}, parity * parities[column]) for column in size])
+            return rf"\mathsf{{{name}}} &= {array(table)} \quad \text{{at}} \quad {notation.space} = {place}"
+
+        rows.append(boundary("S", list(zip(problem.left, problem.left_parity, strict=True)), problem.parity, self.ends[0]))
+        rows.append(boundary("T", list(zip(problem.right, problem.right_parity, strict=True)), problem.parity, self.ends[1]))
+        dual = problem.adjoint()
+        rows.append(rf"\mathsf{{L}}^{{\dagger}} &= {array([[self.entry(dual[i][j], problem.parity[i] * problem.row_parity[j]) for j in size] for i in size])}")
+        left, right = self.formulation.interval or (Integer(0), Integer(0))
+        try:
+            rows.append(boundary(r"S}^{\dagger", self.cleared(problem.adjoint_rows("left", left)), problem.row_parity, self.ends[0]))
+            rows.append(boundary(r"T}^{\dagger", self.cleared(problem.adjoint_rows("right", right)), problem.row_parity, self.ends[1]))
+        except DerivationError:
+            pass  # a boundary row beyond the boundary form: the adjoint rows below are those of the first-order system
+        terms = []
+        for ((j, k), (i, m)), c in problem.boundary_form().items():
+            parity = problem.parity[j] * problem.row_parity[i]
+            turn = rf"{notation.axis} \times " if parity < 0 else ""
+            one = rf"{fields[j]}^{{(1)*}}" + (rf"{{}}{chr(39) * k}" if k else "")
+            other = rf"{turn}\vec{{\psi}}^{{(2)}}_{{{i + 1}}}" + (rf"{{}}{chr(39) * m}" if m else "")
+            terms.append(notation.product(expand(c / I) if parity < 0 else c, rf"{other} \cdot {one}" if notation.vector else f"{other} {one}"))
+        rows.append(rf"J(\vec{{\psi}}^{{(1)}}, \vec{{\psi}}^{{(2)}}) &= \left[{joined(added(terms), 9)}\right]_{{{self.ends[0]}}}^{{{self.ends[1]}}}")
+        return rows
+
+    def cleared(self, lines: Sequence[tuple[dict[tuple[int, int], Expr], int]]) -> list[tuple[dict[tuple[int, int], Expr], int]]:
+        """Return adjoint rows without denominators."""
+        result = []
+        for line, parity in lines:
+            factor: Expr = Integer(1)
+            for value in line.values():
+                factor = lcm(factor, fraction(together(value))[1])
+            result.append(({key: expand((value * factor).cancel()) for key, value in line.items()}, parity))
+        return result
+
+    def adjoint_function(self, order: int, star: bool = False) -> str:
+        """Return the adjoint eigenfunction or a derivative."""
+        return self.notation.symbol["adjoint"] + primes(order, star)
+
+    def scalar_rows(self, scalar: ScalarAdjoint, restricted: RestrictedProblem | None) -> list[str]:
+        """Return the adjoint solution by its scalar function, its equation and its boundary conditions."""
+        notation = self.notation
+        rows = []
+        n = len(scalar.equation)
+
+        def combination(line: Sequence[Expr]) -> list[str]:
+            return added([notation.product(c, self.adjoint_function(k)) for k, c in enumerate(line) if c != 0])
+
+        if restricted is not None:
+            entries = []
+            for row, parity in zip(restricted.rows, restricted.row_parity, strict=True):
+                odd = parity < 0 and notation.vector
+                line = [expand(c / I) if odd else c for c in scalar.multipliers.get(row, ())]
+                body = (rf"{notation.axis} \times \mathbf{{b}}" if odd else r"\mathbf{b}") if notation.vector else ""
+                terms = [notation.product(c, f"{self.adjoint_function(k)} {body}".strip()) for k, c in enumerate(line) if c != 0]
+                entries.append(" ".join(added(terms)) or "0")
+            rows.append(rf"\vec{{\zeta}} &= \left[{COMMA.join(entries)}\right]^{{T}}")
+        rows.append(f"{self.adjoint_function(n)} &= {joined(combination(scalar.equation), 6)}")
+        for end, lines in zip(self.ends, (scalar.left, scalar.right), strict=True):
+            rows += [rf"{joined(combination(line), 6)} &= 0 \quad \text{{at}} \quad {notation.space} = {end}" for line in lines]
+        return rows
+
+    def multiplier(self, expression: Expr, scalar: ScalarAdjoint | None) -> Expr:
+        """Return a multiplier over the conjugate adjoint eigenfunction and its derivatives."""
+        if scalar is None:
+            return expression
+        table = {}
+        for symbol, line in scalar.substitution.items():
+            table[symbol] = sum((c * self.star(k) for k, c in enumerate(line)), Integer(0))
+        return expand(expression.xreplace(table))
+
+    def reduced_at(self, expression: Expr, scalar: ScalarAdjoint, side: str) -> Expr:
+        """Return a multiplier at an end with the adjoint boundary conditions used: highest derivatives are eliminated."""
+        rows = scalar.left if side == "left" else scalar.right
+        table = {}
+        for line in rows:
+            lead = max(k for k, c in enumerate(line) if c != 0)
+            table[self.star(lead)] = sum((-conjugate(c) * self.star(k) for k, c in enumerate(line) if k != lead), Integer(0))
+        return expand(expand(expression.xreplace(table)).xreplace(table))
+
+    def star(self, order: int) -> Symbol:
+        """Return a symbol for a derivative of the conjugate adjoint eigenfunction, known to the notation."""
+        symbol = Symbol(f"adjoint_star_{order}")
+        self.notation.names[symbol] = self.notation.at_threshold[symbol] = self.adjoint_function(order, star=True)
+        return symbol
+
+    def solvability(self) -> list[str]:
+        """Return the condition for any forcing and any boundary data (label ``general solvability``, conjugated)."""
+        notation, condition = self.notation, self.reduction.solvability
+        expansion = self.derivation.expansion
+        restricted = self.restricted
+        scalar = self.scalar
+        number = {("row", k): n for n, k in enumerate(restricted.rows, 1)} if restricted is not None else {("row", k): k + 1 for k in range(len(expansion.rows))}
+        for side, kept, stated in zip(("left", "right"), (restricted.left_rows, restricted.right_rows) if restricted else ((), ()), expansion.ends, strict=False):
+            number.update({(side, k): n for n, k in enumerate(kept or range(len(stated)), 1)})
+        parity = {("row", k): p for k, p in zip(restricted.rows, restricted.row_parity, strict=True)} if restricted and notation.vector else {}
+        if restricted and notation.vector:
+            parity.update({("left", k): p for k, p in zip(restricted.left_rows, restricted.left_parity, strict=True)})
+            parity.update({("right", k): p for k, p in zip(restricted.right_rows, restricted.right_parity, strict=True)})
+
+        def term(kind: str, row: int, multiplier: Expr, marks: str = "", at: str = "") -> tuple[str, str]:
+            letter = {"row": "f", "left": "g", "right": "h"}[kind]
+            stem = rf"\mathbf{{{letter}}}" if notation.vector else letter
+            odd = parity.get((kind, row), 1) < 0
+            # a row of odd parity: f_+ = i (n x f)_+ / i^2
+            value = expand(multiplier * I) if odd else multiplier
+            body = rf"{notation.axis} \times {stem}" if odd else stem
+            factor = self.multiplier(value, scalar)
+            if scalar is not None and (kind != "row" or marks or at):
+                factor = self.reduced_at(factor, scalar, at or kind)
+            return notation.product(-factor if odd else factor, f"{body}_{{({number.get((kind, row), row + 1)})}}{marks}")
+
+        inner = added([term("row", row, multiplier) for row, multiplier in condition.interior.items()])
+        if not self.ends:
+            return [f"{joined(inner, 4)} &= 0"]
+        rows = [rf"\int_{{{self.ends[0]}}}^{{{self.ends[1]}}} \left\{{ {joined(inner, 9)} \right\}} \mathrm{{d}} {notation.space}"]
+        outer = []
+        ends = dict(zip(("left", "right"), self.ends, strict=True))
+        for (end, row, order), multiplier in condition.boundary.items():
+            sign, text = term("row", row, -multiplier, chr(39) * order, end)
+            outer.append((sign, rf"\left[{text}\right]_{{{notation.space} = {ends[end]}}}"))
+        for (end, row), multiplier in condition.data.items():
+            sign, text = term(end, row, -multiplier)
+            outer.append((sign, rf"\left[{text}\right]_{{{notation.space} = {ends[end]}}}"))
+        return [f"{rows[0]} &= {joined(added(outer), 3)}"]
+
+    # Amplitude equation
+
+    def amplitude(self) -> list[str]:
+        """Return the amplitude equation and its coefficients as quadratures (labels ``amplitude primitive``, ``coefficients integrals``)."""
+        notation, reduction = self.notation, self.reduction
+        listed = list(reduction.coefficients)
+        symbols = coefficient_symbols(listed)
+        a = notation.amplitude
+        terms = added([("+", f"{symbols[one.identifier]} {self.monomial(one.monomial)}") for one in listed])
+        rows = [rf"\frac{{\mathrm{{d}} {a}}}{{\mathrm{{d}} t}} &= {joined(terms, 5)}", rf"\mu &= {notation.control} - {{{notation.control}}}_{{c}}"]
+        if reduction.weak:
+            rows[0] += rf" + {notation.symbol['small']} \sum_{{i,j}} w_{{ij}} \left({a} \cdot \mathbf{{e}}_{{j}}\right) \mathbf{{e}}_{{i}}"
+        xi = notation.symbol["xi"]
+        rows.append(f"{xi} &= {self.integral(reduction.xi, 1)}")
+        rows += [rf"{symbols[one.identifier]} &= \frac{{1}}{{{xi}}} \left\{{ {self.integral(one, -1)} \right\}}" for one in listed]
+        if reduction.quadratic is not None:
+            rows.append(rf"c_{{{notation.symbol['amplitude']}^{{2}}}} &= \frac{{1}}{{{xi}}} \left\{{ {self.integral(reduction.quadratic, -1)} \right\}}")
+        return rows
+
+    def integral(self, one: Coefficient, sign: int) -> str:
+        """Return `sign` times a solvability integral: a multiplier times the forcing of its row in each term."""
+        notation, condition = self.notation, self.reduction.solvability
+        terms: list[tuple[str, str]] = []
+        if not self.ends:
+            return joined(notation.sum(notation.inlined(sign * one.integrand)), 6)
+        restricted = self.restricted
+        scalar = self.scalar
+        odd = {row for row, parity in zip(restricted.rows, restricted.row_parity, strict=True) if parity < 0} if restricted is not None and notation.vector else set()
+        inner: list[tuple[str, str]] = []
+        for row, multiplier in condition.interior.items():
+            value = one.forcing.get(("row", row), Integer(0))
+            if value == 0:
+                continue
+            turn = I if row in odd else Integer(1)  # a row of odd parity carries i, as n x does
+            factor, body = expand(turn * self.multiplier(multiplier, scalar)), notation.inlined(sign * value / turn)
+            if factor.is_Add or body.is_Add:
+                text = joined(notation.sum(body), 99)
+                inner.append(notation.product(factor, rf"\left({text}\right)" if body.is_Add or text.startswith("-") else text))
+            else:
+                inner.append(notation.product(expand(factor * body), ""))
+        if inner:
+            terms.append(("+", rf"\int_{{{self.ends[0]}}}^{{{self.ends[1]}}} \left[{joined(added(inner), 99)}\right] \mathrm{{d}} {notation.space}"))
+        for place, value in zip(self.ends, (one.left, one.right), strict=True):
+            body = notation.inlined(self.multiplier(sign * value, scalar))
+            if body != 0:
+                terms.append(("+", rf"\left[{joined(notation.sum(body), 99)}\right]_{{{notation.space} = {place}}}"))
+        return joined(added(terms), 2) if terms else "0"
+
+    def monomial(self, monomial: str) -> str:
+        """Return a monomial of the amplitude equation."""
+        a, small = self.notation.amplitude, self.notation.symbol["small"]
+        table = {
+            "mu*A": rf"\mu {a}", "A**2*conj(A)": rf"\left|{a}\right|^{{2}} {a}", "A**2": f"{a}^{{2}}", "A**3": f"{a}^{{3}}", "epsilon*A": f"{small} {a}",
+            "dot(A,A)*conj(A)": rf"\left({a} \cdot {a}\right) {a}^{{*}}", "dot(A,conj(A))*A": rf"\left({a} \cdot {a}^{{*}}\right) {a}", "dot(A,A)*A": rf"\left({a} \cdot {a}\right) {a}",
+        }
+        return table[monomial]
+
+
+def is_linear(key: Term, half_order: int) -> bool:
+    """Tell whether a term belongs to the linear problem of its own order."""
+    control, weak, factors = key
+    return control == weak == 0 and len(factors) == 1 and factors[0].half_order == half_order and factors[0].slow == 0
+
+
+def secular_numbers(equations: Sequence[Equation]) -> dict[Equation, int]:
+    """Return the number of f, g or h of each equation: vector ones where there are vectors, all where there are none."""
+    rotating = any("p" in equation.components for equation in equations)
+    counts = {"row": 0, "left": 0, "right": 0}
+    result = {}
+    for equation in equations:
+        if not rotating or "p" in equation.components:
+            counts[equation.side] += 1
+            result[equation] = counts[equation.side]
+    return result
+
+
+def across(axis: str, body: str, amplitude: str) -> str:
+    """Return n x (what `body` holds): a scalar times A, A* or dA/dT."""
+    for tail in (f"{amplitude}^{{*}}", amplitude):
+        if body.endswith(tail) and not body.startswith(r"\frac"):
+            lead = body.removesuffix(tail).strip()
+            return f"{lead} {axis} \\times {tail}".strip()
+    return rf"{axis} \times {body}"
+
+
+def coefficient_symbols(listed: Sequence[Coefficient]) -> dict[str, str]:
+    """Return the symbol of each coefficient: its name, or c with an index."""
+    result = {}
+    for k, one in enumerate(listed, 1):
+        result[one.identifier] = sympy_latex(Symbol(one.name)) if one.name.isidentifier() else f"c_{{{k}}}"
+    return result
+
+
+def array(rows: Sequence[Sequence[str]]) -> str:
+    """Return a matrix."""
+    if not rows:
+        return r"\left(\,\right)"
+    body = r" \\ ".join(" & ".join(row) for row in rows)
+    return rf"\left(\begin{{array}}{{{'c' * len(rows[0])}}} {body} \end{{array}}\right)"
+
+
+def field_name(applied: AppliedUndef) -> str:
+    """Return the LaTeX of a field's name, a component of a vector with its letter below."""
+    name, _, component = applied.func.__name__.partition(".")
+    stem = sympy_latex(Symbol(name))
+    return f"{{{stem}}}_{{{component}}}" if component else stem
+
+
+__all__ = ["PARTS", "Part", "document", "latex"]

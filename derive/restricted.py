@@ -1,0 +1,277 @@
+r"""The restricted linear problem in the fields of the statement: L, S, T, their adjoints, and the boundary form J.
+
+The rows of the critical weight, in the harmonic of the critical mode, form :math:`L\psi = f`, :math:`S\psi = g`, :math:`T\psi = h`, as the
+paper writes them (labels ``matrix operators``, ``J factor``, ``adjoint problem``). With
+:math:`\langle a, b\rangle = \int a^{*}\cdot b\,ds` the adjoint follows by parts; the adjoint boundary rows are those that annihilate the
+boundary form on the null space of S and of T. The first-order system of `derive.operator` is not used: the two confirm each other.
+
+A problem with a rotation axis is written in + components; an entry that belongs to a field or row of odd parity under reflections
+carries i, which in vectors is :math:`n\times`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import comb
+
+from sympy import Expr, I, Integer, Matrix, Symbol, expand
+
+from derive.expansion import Expansion, TaylorRow
+from derive.functions import Functions
+from derive.operator import OMEGA, FirstOrderOperator
+from derive.problem import DerivationError
+from derive.solvability import Solvability
+
+Entry = dict[int, Expr]
+"""{order of the space derivative: coefficient}"""
+JetColumn = tuple[int, int]
+"""(column of the array field, order of the space derivative)"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RestrictedProblem:
+    """L, S, T in + components with the parity of every row and field under reflections that hold the axis.
+
+    Attributes
+    ----------
+    fields
+        The unknowns, one column each.
+    operator
+        L: one row for each equation, an entry {derivative: coefficient} a column.
+    left, right
+        S and T: rows {(column, derivative): coefficient}.
+    parity, row_parity, left_parity, right_parity
+        +1 for a true vector (or a scalar), -1 for a pseudovector.
+    rows, left_rows, right_rows
+        Which Taylor row each came from.
+    """
+
+    fields: tuple[int, ...]
+    operator: tuple[tuple[Entry, ...], ...]
+    left: tuple[dict[JetColumn, Expr], ...]
+    right: tuple[dict[JetColumn, Expr], ...]
+    parity: tuple[int, ...]
+    row_parity: tuple[int, ...]
+    left_parity: tuple[int, ...]
+    right_parity: tuple[int, ...]
+    rows: tuple[int, ...]
+    left_rows: tuple[int, ...]
+    right_rows: tuple[int, ...]
+    space: Symbol
+
+    def adjoint(self) -> tuple[tuple[Entry, ...], ...]:
+        """Return L^dagger: (c d^k)^dagger = (-1)^k d^k c^*, row by row."""
+        size = len(self.fields)
+        result = []
+        for i in range(size):
+            line: list[Entry] = []
+            for j in range(size):
+                entry: Entry = {}
+                for k, c in self.operator[j][i].items():
+                    for m in range(k + 1):  # d^k (c^* .) = sum binom(k, m) (d^(k-m) c^*) d^m
+                        value = expand((-1) ** k * comb(k, m) * conjugate(c).diff(self.space, k - m))
+                        entry[m] = expand(entry.get(m, Integer(0)) + value)
+                line.append({m: value for m, value in entry.items() if value != 0})
+            result.append(tuple(line))
+        return tuple(result)
+
+    def boundary_form(self) -> dict[tuple[JetColumn, JetColumn], Expr]:
+        r"""Return J: {(jet of psi_1, jet of psi_2): coefficient} of :math:`[\cdots]` at the ends, conjugate-linear in psi_1."""
+        total: dict[tuple[JetColumn, JetColumn], Expr] = {}
+        for i, line in enumerate(self.operator):
+            for j, entry in enumerate(line):
+                for k, c in entry.items():
+                    for m in range(k):  # int (c d^k u)^* v = sum_m (-1)^m [d^(k-1-m) u^* d^m (c^* v)] + ...
+                        for p in range(m + 1):
+                            value = (-1) ** m * comb(m, p) * conjugate(c).diff(self.space, m - p)
+                            key = ((j, k - 1 - m), (i, p))
+                            total[key] = expand(total.get(key, Integer(0)) + value)
+        return {key: value for key, value in sorted(total.items()) if value != 0}
+
+    def adjoint_rows(self, side: str, place: Expr) -> tuple[tuple[dict[JetColumn, Expr], int], ...]:
+        """Return the adjoint boundary rows at an end with their parity: what makes J vanish there for every psi that meets the direct rows."""
+        form = {key: value.subs(self.space, place) for key, value in self.boundary_form().items()}
+        direct = self.left if side == "left" else self.right
+        jets = sorted({one for one, _ in form} | {jet for row in direct for jet in row})
+        duals = sorted({other for _, other in form})
+        if {jet for row in direct for jet in row} - {one for one, _ in form}:
+            raise DerivationError("a boundary row holds a derivative that the boundary form does not")
+        if direct:
+            basis = Matrix([[row.get(jet, Integer(0)) for jet in jets] for row in direct]).nullspace()
+        else:
+            basis = [Matrix([1 if k == j else 0 for k in range(len(jets))]) for j in range(len(jets))]
+        rows = [[sum((conjugate(vector[a]) * form.get((jet, dual), Integer(0)) for a, jet in enumerate(jets)), Integer(0)) for dual in duals] for vector in basis]
+        if not rows:
+            return ()
+        reduced, pivots = Matrix(rows).rref(simplify=True)
+        result = []
+        for k in range(len(pivots)):
+            row = {dual: expand(reduced[k, a]) for a, dual in enumerate(duals) if expand(reduced[k, a]) != 0}
+            lead = min(row)
+            result.append((row, self.row_parity[lead[0]]))
+        return tuple(result)
+
+
+def conjugate(expression: Expr) -> Expr:
+    """Return the conjugate of a coefficient: all its symbols are real."""
+    return expression.xreplace({I: -I})
+
+
+def restricted_problem(expansion: Expansion, weight: int, growth: Expr) -> RestrictedProblem:
+    """Return L, S and T of the critical weight.
+
+    Raises
+    ------
+    DerivationError
+        The rows of that weight are not as many as the fields (redundant rows), or have no parity under reflections.
+    """
+    unknowns = expansion.formulation.unknowns
+    fields = tuple(unknown.index for unknown in unknowns if unknown.weight == weight)
+    column = {index: j for j, index in enumerate(fields)}
+
+    def at(row: TaylorRow) -> dict[JetColumn, Expr]:
+        total: dict[JetColumn, Expr] = {}
+        for (unknown, ds, dt), c in row.linear().items():
+            if unknown in column:
+                key = (column[unknown], ds)
+                total[key] = expand(total.get(key, Integer(0)) + c * growth**dt)
+        return {key: value for key, value in total.items() if value != 0}
+
+    def pick(rows: tuple[TaylorRow, ...]) -> list[tuple[int, dict[JetColumn, Expr]]]:
+        return [(number, at(row)) for number, row in enumerate(rows) if row.weight == weight and at(row)]
+
+    interior = pick(expansion.rows)
+    ends = [pick(end) for end in expansion.ends]
+    if len(interior) != len(fields):
+        raise DerivationError("the rows of the critical weight are not as many as its fields")
+    mirrored = mirror_rows(expansion, weight)
+    parity: dict[int, int] = {column[index]: 1 for index in expansion.formulation.normalised if index in column}
+    row_parity: dict[tuple[str, int], int] = {}
+    everything = [("row", *one) for one in interior] + [(side, *one) for side, end in zip(("left", "right"), ends, strict=False) for one in end]
+    for _ in range(len(everything) + len(fields)):
+        for kind, number, row in everything:
+            other = mirrored.get((kind, number), row if weight == 0 else {})
+            for key, value in row.items():
+                opposite = other.get(key)
+                if opposite is None:
+                    continue
+                sign = 1 if expand(opposite - reflected(value)) == 0 else -1 if expand(opposite + reflected(value)) == 0 else 0
+                if sign == 0 and weight:
+                    raise DerivationError("a row has no parity under reflections")
+                sign = sign or 1
+                if key[0] in parity:
+                    row_parity.setdefault((kind, number), sign * parity[key[0]])
+                elif (kind, number) in row_parity:
+                    parity.setdefault(key[0], sign * row_parity[kind, number])
+    nothing: list[tuple[int, dict[JetColumn, Expr]]] = []
+    left, right = (ends[0], ends[1]) if len(ends) == 2 else (nothing, nothing)
+    return RestrictedProblem(
+        fields=fields,
+        operator=tuple(tuple({ds: value for (j, ds), value in sorted(row.items()) if j == k} for k in range(len(fields))) for _, row in interior),
+        left=tuple(row for _, row in left), right=tuple(row for _, row in right),
+        parity=tuple(parity.get(j, 1) for j in range(len(fields))),
+        row_parity=tuple(row_parity.get(("row", number), 1) for number, _ in interior),
+        left_parity=tuple(row_parity.get(("left", number), 1) for number, _ in left),
+        right_parity=tuple(row_parity.get(("right", number), 1) for number, _ in right),
+        rows=tuple(number for number, _ in interior), left_rows=tuple(number for number, _ in left), right_rows=tuple(number for number, _ in right),
+        space=expansion.formulation.space,
+    )
+
+
+def reflected(expression: Expr) -> Expr:
+    """Return the coefficient itself: the harmonic is not reflected."""
+    return expression
+
+
+def mirror_rows(expansion: Expansion, weight: int) -> Mapping[tuple[str, int], dict[JetColumn, Expr]]:
+    """Return, for each row of `weight`, the same of the opposite weight in the columns of `weight` (growth left out: it is common)."""
+    if weight == 0:
+        return {}
+    unknowns = expansion.formulation.unknowns
+    fields = [unknown.index for unknown in unknowns if unknown.weight == weight]
+    partner = {unknown.index: [other.index for other in unknowns if other.field == unknown.field and other.weight == -weight][0] for unknown in unknowns if unknown.weight == weight}
+    column = {partner[index]: j for j, index in enumerate(fields)}
+    result: dict[tuple[str, int], dict[JetColumn, Expr]] = {}
+    for kind, rows in (("row", expansion.rows), *zip(("left", "right"), expansion.ends, strict=False)):
+        plus = [number for number, row in enumerate(rows) if row.weight == weight and row.linear()]
+        minus = [number for number, row in enumerate(rows) if row.weight == -weight and row.linear()]
+        if len(plus) != len(minus):
+            raise DerivationError("the two senses of rotation have different rows")
+        for number, other in zip(plus, minus, strict=True):
+            entry: dict[JetColumn, Expr] = {}
+            for (unknown, ds, dt), c in rows[other].linear().items():
+                if unknown in column:
+                    key = (column[unknown], ds)
+                    entry[key] = expand(entry.get(key, Integer(0)) + c * (I * OMEGA) ** dt)
+            result[kind, number] = entry
+    return result
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScalarAdjoint:
+    r"""The homogeneous adjoint solution by one scalar function :math:`\phi`, conjugate to the multipliers of the solvability condition.
+
+    Attributes
+    ----------
+    multipliers
+        {row: coefficients of phi, phi', ...}: the adjoint array field zeta.
+    equation
+        Coefficients c with phi^(n) = sum c_k phi^(k).
+    left, right
+        Boundary rows over phi, phi', ..., reduced.
+    substitution
+        {adjoint function of the emitted code: coefficients of phi^*, phi^*', ...}.
+    """
+
+    multipliers: Mapping[int, tuple[Expr, ...]]
+    equation: tuple[Expr, ...]
+    left: tuple[tuple[Expr, ...], ...]
+    right: tuple[tuple[Expr, ...], ...]
+    substitution: Mapping[Symbol, tuple[Expr, ...]]
+
+
+def scalar_adjoint(operator: FirstOrderOperator, solvability: Solvability, functions: Functions, rows: tuple[int, ...]) -> ScalarAdjoint | None:
+    """Return the adjoint solution by the first multiplier that generates all others by differentiation, or None where none does."""
+    n = operator.size
+    zeta = solvability.zeta
+    adjoint = solvability.adjoint
+    if adjoint is None or any(functions.space in entry.free_symbols for line in operator.matrix for entry in line):
+        return None
+    slope = Matrix([[conjugate(entry) for entry in line] for line in adjoint.matrix])
+
+    def over(expression: Expr) -> list[Expr]:
+        expression = conjugate(expand(expression))
+        return [expression.coeff(symbol) for symbol in zeta]
+
+    multipliers = {row: over(solvability.interior[row]) for row in rows if row in solvability.interior}
+    for row in rows:
+        if row not in multipliers or any(functions.space in entry.free_symbols for entry in multipliers[row]):
+            continue
+        table = [Matrix([multipliers[row]])]
+        for _ in range(n):
+            table.append((table[-1] * slope).applyfunc(expand))
+        change = Matrix.vstack(*table[:n])
+        determinant = expand(change.det(method="berkowitz"))
+        if determinant == 0:
+            continue
+        inverse = change.inv(method="ADJ").applyfunc(lambda entry: expand(entry.cancel()))
+        to_phi = lambda line: tuple(expand(entry.cancel()) for entry in (Matrix([line]) * inverse))  # noqa: B023, E731
+        return ScalarAdjoint(
+            multipliers={key: to_phi(line) for key, line in multipliers.items()},
+            equation=to_phi(list(table[n])),
+            left=reduced_rows([to_phi([conjugate(entry) for entry in line]) for line in adjoint.left]),
+            right=reduced_rows([to_phi([conjugate(entry) for entry in line]) for line in adjoint.right]),
+            substitution={symbol: tuple(conjugate(entry) for entry in to_phi([Integer(int(k == j)) for k in range(n)])) for j, symbol in enumerate(zeta)},
+        )
+    return None
+
+
+def reduced_rows(rows: list[tuple[Expr, ...]]) -> tuple[tuple[Expr, ...], ...]:
+    """Return rows in reduced echelon form, highest derivatives eliminated last."""
+    if not rows:
+        return ()
+    width = len(rows[0])
+    flipped = Matrix([list(reversed(row)) for row in rows])
+    reduced, pivots = flipped.rref(simplify=True)
+    return tuple(tuple(expand(reduced[k, width - 1 - j]) for j in range(width)) for k in reversed(range(len(pivots))))
