@@ -19,10 +19,10 @@ from sympy import Expr, I, Integer, Symbol, expand
 from derive.expansion import Expansion
 from derive.functions import Functions, conjugated
 from derive.onset import Onset
-from derive.operator import LAMBDA, OMEGA, BoundaryRows, FirstOrderOperator, Forcing
+from derive.operator import LAMBDA, OMEGA, BoundaryRows, FirstOrderOperator, Forcing, coupled_block, reduce_operator
 from derive.ordinary import AlgebraicOperator
 from derive.problem import SCALAR_MONOMIALS, VECTOR_MONOMIALS, DerivationError, ProblemError
-from derive.response import Amplitude, Contribution, Operator, Orders, Response, forced, labels_of, reduced, respond
+from derive.response import Amplitude, Contribution, Operator, Orders, Response, forced, labels_of, reduced, respond, right_hand_sides
 from derive.solvability import Solvability, solvability_of
 
 Given = dict[tuple[str, int], Expr]
@@ -110,6 +110,40 @@ def at_growth(operator: Operator, growth: Expr) -> Operator:
     return replace(operator, left=rows(operator.left), right=rows(operator.right), **common)  # type: ignore[arg-type]
 
 
+def critical_operator(expansion: Expansion, operators: Mapping[int, Operator], weight: int, growth: Expr) -> Operator:
+    """Return the operator of the critical mode: of a Hopf bifurcation only the block of fields that the mode holds."""
+    if growth == 0:
+        return reduced(expansion, weight, Integer(0))
+    leading = next(index for index in expansion.formulation.normalised if expansion.formulation.unknowns[index].weight == weight)
+    block = coupled_block(expansion, weight, [leading])
+    whole = {unknown.index for unknown in expansion.formulation.unknowns if unknown.weight == weight}
+    if isinstance(operators[weight], AlgebraicOperator) or block == whole:
+        return at_growth(operators[weight], growth)
+    return at_growth(reduce_operator(expansion, weight, LAMBDA, block), growth)
+
+
+def driven_block(orders: Orders, monomial: tuple[int, ...]) -> frozenset[int] | None:
+    """Return the fields that the forcing at a monomial reaches, or None where it reaches all of its weight, or none, or there is no space."""
+    expansion = orders.expansion
+    if expansion.formulation.interval is None:
+        return None
+    weight = orders.weight(monomial)
+    rows = {"row": expansion.rows, **dict(zip(("left", "right"), expansion.ends, strict=False))}
+    given = [rows[kind][number].linear() for kind, number in right_hand_sides(orders, monomial, weight)]
+    if not given or not all(given):
+        return None
+    block = coupled_block(expansion, weight, {jet[0] for linear in given for jet in linear})
+    whole = {unknown.index for unknown in expansion.formulation.unknowns if unknown.weight == weight}
+    return None if block == whole else block
+
+
+def response_operator(expansion: Expansion, operator: Operator, weight: int, growth: Expr, block: frozenset[int] | None) -> Operator:
+    """Return the operator of a response: of all fields of its weight, or of those that are driven."""
+    if growth == 0:
+        return reduced(expansion, weight, growth) if block is None else reduce_operator(expansion, weight, growth, block)
+    return at_growth(operator if block is None else reduce_operator(expansion, weight, LAMBDA, block), growth)
+
+
 def reflected(plus: Operator, minus: Operator, expansion: Expansion) -> Operator:
     """Return the operator of the - components in the variables of the + components, or refuse.
 
@@ -171,7 +205,7 @@ def reduce_to_amplitude(expansion: Expansion, onset: Onset, operators: Mapping[i
     growth: Expr = I * OMEGA if hopf else Integer(0)
     weight = 1 if vector else 0
     functions = Functions(space=formulation.space, reserved=frozenset(symbol.name for symbol in (formulation.control, *formulation.parameters)))
-    critical = at_growth(operators[weight], growth) if hopf else reduced(expansion, weight, Integer(0))
+    critical = critical_operator(expansion, operators, weight, growth)
     unknowns = formulation.unknowns
     phi = tuple(Symbol("phi" if k == 0 else f"phi_{k}") for k in range(critical.size))
     bars = {symbol: Symbol(symbol.name.replace("phi", "phi_bar")) for symbol in phi}
@@ -187,7 +221,7 @@ def reduce_to_amplitude(expansion: Expansion, onset: Onset, operators: Mapping[i
     plus_values = mode_values(critical)
     minus: Operator | None = None
     if vector:
-        raw_minus = at_growth(operators[-1], growth) if hopf else reduced(expansion, -1, Integer(0))
+        raw_minus = critical_operator(expansion, operators, -1, growth)
         minus = reflected(critical, raw_minus, expansion)
         minus_values = mode_values(minus)
         amplitudes: tuple[Amplitude, ...]
@@ -243,14 +277,18 @@ def reduce_to_amplitude(expansion: Expansion, onset: Onset, operators: Mapping[i
     if not vector and not hopf:
         quadratic = coefficient("A**2", given(lambda row: orders.at(row, (2,)), weight, "f_A2"), solvability)
     responses: list[Response] = []
+    blocks: dict[str, frozenset[int] | None] = {}
     for monomial in needed:
         harmonic, own_weight = orders.harmonic(monomial), orders.weight(monomial)
         if own_weight not in expansion.weights:
             continue
         singular = not vector and not hopf
+        block = None if singular else driven_block(orders, monomial)
         name = "critical" if singular else f"operator_{harmonic}"
+        while blocks.setdefault(name, block) != block:
+            name += "_"
         if name not in named_operators:
-            named_operators[name] = at_growth(operators[own_weight], harmonic * growth) if harmonic else reduced(expansion, own_weight, Integer(0))
+            named_operators[name] = response_operator(expansion, operators[own_weight], own_weight, harmonic * growth, block)
         response = respond(orders, monomial, named_operators[name], name, singular)
         if response is not None:
             responses.append(response)

@@ -8,7 +8,7 @@ over say what the forcing must meet. Pivots free of :math:`\lambda`, of `s` and 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from sympy import Expr, Integer, Matrix, Symbol, cancel, expand, fraction, together
@@ -126,8 +126,13 @@ class WorkingRow:
     forcing: Forcing
 
 
-def reduce_operator(expansion: Expansion, weight: int, growth: Expr) -> FirstOrderOperator:
+def reduce_operator(expansion: Expansion, weight: int, growth: Expr, block: frozenset[int] | None = None) -> FirstOrderOperator:
     r"""Return the first-order system of the rows of `weight` in the harmonic :math:`e^{\lambda t}`, lambda = `growth`.
+
+    Parameters
+    ----------
+    block
+        Only the unknowns of one block and the rows that hold them; see `coupled_block`.
 
     Raises
     ------
@@ -136,10 +141,14 @@ def reduce_operator(expansion: Expansion, weight: int, growth: Expr) -> FirstOrd
     """
     formulation = expansion.formulation
     work = Elimination(formulation)
-    unknowns = [unknown.index for unknown in formulation.unknowns if unknown.weight == weight]
-    chosen = [(number, row) for number, row in enumerate(expansion.rows) if row.weight == weight]
+    unknowns = [unknown.index for unknown in formulation.unknowns if unknown.weight == weight and (block is None or unknown.index in block)]
+
+    def belongs(row: TaylorRow) -> bool:
+        return row.weight == weight and (block is None or any(jet[0] in block for jet in row.linear()))
+
+    chosen = [(number, row) for number, row in enumerate(expansion.rows) if belongs(row)]
     linear = {number: at_growth(row, growth, work) for number, row in chosen}
-    ends = [[(number, row) for number, row in enumerate(end) if row.weight == weight] for end in expansion.ends]
+    ends = [[(number, row) for number, row in enumerate(end) if belongs(row)] for end in expansion.ends]
     end_linear = [{number: at_growth(row, growth, work) for number, row in end} for end in ends]
     spatial = formulation.interval is not None
 
@@ -240,6 +249,17 @@ def reduce_operator(expansion: Expansion, weight: int, growth: Expr) -> FirstOrd
         matrix=tuple(tuple(row) for row in operator.matrix), forcing=tuple(operator.forcing), recovery=operator.recovery,
         left=sides[0], right=sides[1], spare=tuple(spare), names=operator.names, scalar=operator.scalar,
     )
+
+
+def coupled_block(expansion: Expansion, weight: int, unknowns: Iterable[int]) -> frozenset[int]:
+    """Return the unknowns that the linear rows of `weight` couple with some of them; the others vanish where these alone are driven."""
+    block = set(unknowns)
+    rows = [{jet[0] for jet in row.linear()} for group in (expansion.rows, *expansion.ends) for row in group if row.weight == weight]
+    while True:
+        reached = set().union(*(row for row in rows if row & block), block)
+        if reached == block:
+            return frozenset(block)
+        block = reached
 
 
 def check_redundant(spare: Sequence[Forcing], expansion: Expansion) -> None:

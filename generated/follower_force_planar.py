@@ -37,30 +37,26 @@ def critical(a):
     F = a.control
     return Operator(
         matrix=(
-            (0, 0, 1, 0, 0, 0),
-            (0, 0, 0, 0, 0, 0),
-            (0, 0, 0, 1, 0, 0),
-            (0, 0, -F, 0, -1, 0),
-            (a.i*omega, 0, 0, 0, 0, 0),
-            (0, a.i*omega/2, 0, 0, 0, 0),
+            (0, 1, 0, 0),
+            (0, 0, 1, 0),
+            (0, 0, 0, 1),
+            (-a.i*omega, 0, -F, 0),
         ),
         left=(
-            (1, 0, 0, 0, 0, 0),
-            (0, 1, 0, 0, 0, 0),
-            (0, 0, 1, 0, 0, 0),
+            (1, 0, 0, 0),
+            (0, 1, 0, 0),
         ),
         right=(
-            (0, 0, 0, 1, 0, 0),
-            (0, 0, F, 0, 1, 0),
-            (0, 0, 0, 0, 0, 1),
+            (0, 0, 1, 0),
+            (0, 0, 0, 1),
         ),
     )
 
 
 @stage
 def mode(a):
-    """The critical mode: phi, phi_1, phi_2, phi_3, phi_4, phi_5."""
-    return a.kernel(critical(a), (1, 0, 0, 0, 0, 0), 1)
+    """The critical mode: phi, phi_1, phi_2, phi_3."""
+    return a.kernel(critical(a), (1, 0, 0, 0), 1)
 
 
 @stage
@@ -76,29 +72,25 @@ def adjoint(a):
     F = a.control
     return Operator(
         matrix=(
-            (0, 0, 0, 0, -a.i*omega, 0),
-            (0, 0, 0, 0, 0, -a.i*omega/2),
-            (-1, 0, 0, F, 0, 0),
-            (0, 0, -1, 0, 0, 0),
-            (0, 0, 0, 1, 0, 0),
-            (0, 0, 0, 0, 0, 0),
+            (0, 0, 0, a.i*omega),
+            (-1, 0, 0, 0),
+            (0, -1, 0, F),
+            (0, 0, -1, 0),
         ),
         left=(
-            (0, 0, 0, 1, 0, 0),
-            (0, 0, 0, 0, 1, 0),
-            (0, 0, 0, 0, 0, 1),
+            (0, 0, 1, 0),
+            (0, 0, 0, 1),
         ),
         right=(
-            (1, 0, 0, 0, 0, 0),
-            (0, 1, 0, 0, 0, 0),
-            (0, 0, 1, 0, -F, 0),
+            (1, 0, 0, 0),
+            (0, 1, 0, 0),
         ),
     )
 
 
 @stage
 def adjoint_mode(a):
-    """The adjoint mode: zeta_5, zeta_4, zeta_3, zeta_2, zeta_1, zeta."""
+    """The adjoint mode: zeta_3, zeta_2, zeta_1, zeta."""
     return a.kernel(adjoint(a))
 
 
@@ -106,25 +98,16 @@ def adjoint_mode(a):
 def operator_2(a):
     """The linear problem of harmonic 2."""
     omega = a.frequency
-    F = a.control
     return Operator(
         matrix=(
-            (0, 0, 1, 0, 0, 0),
-            (0, 0, 0, 0, 0, 0),
-            (0, 0, 0, 1, 0, 0),
-            (0, 0, -F, 0, -1, 0),
-            (2*a.i*omega, 0, 0, 0, 0, 0),
-            (0, a.i*omega, 0, 0, 0, 0),
+            (0, 0),
+            (a.i*omega, 0),
         ),
         left=(
-            (1, 0, 0, 0, 0, 0),
-            (0, 1, 0, 0, 0, 0),
-            (0, 0, 1, 0, 0, 0),
+            (1, 0),
         ),
         right=(
-            (0, 0, 0, 1, 0, 0),
-            (0, 0, F, 0, 1, 0),
-            (0, 0, 0, 0, 0, 1),
+            (0, 1),
         ),
     )
 
@@ -132,198 +115,112 @@ def operator_2(a):
 @stage
 def operator_0(a):
     """The linear problem of harmonic 0."""
-    F = a.control
     return Operator(
         matrix=(
-            (0, 0, 1, 0, 0, 0),
-            (0, 0, 0, 0, 0, 0),
-            (0, 0, 0, 1, 0, 0),
-            (0, 0, -F, 0, -1, 0),
-            (0, 0, 0, 0, 0, 0),
-            (0, 0, 0, 0, 0, 0),
+            (0, 0),
+            (0, 0),
         ),
         left=(
-            (1, 0, 0, 0, 0, 0),
-            (0, 1, 0, 0, 0, 0),
-            (0, 0, 1, 0, 0, 0),
+            (1, 0),
         ),
         right=(
-            (0, 0, 0, 1, 0, 0),
-            (0, 0, F, 0, 1, 0),
-            (0, 0, 0, 0, 0, 1),
+            (0, 1),
         ),
     )
 
 
 @stage
 def response_A_A(a):
-    """Response to A A (harmonic 2): w_A_A_x, w_A_A_z, w_A_A_theta, w_A_A_theta_s, w_A_A_X, w_A_A_Z."""
+    """Response to A A (harmonic 2): w_A_A_z, w_A_A_Z."""
+    omega = a.frequency
     F = a.control
-    _phi, _phi_1, phi_2, _phi_3, _phi_4, _phi_5 = mode(a)
-    return a.solve(
-        operator_2(a),
-        forcing=(
-            0,
-            f_A_A_row_1(a),
-            0,
-            f_A_A_row_4(a),
-            f_A_A_row_2(a),
-            f_A_A_row_3(a),
-        ),
-        left=(0, 0, 0),
-        right=(0, 0, a.right(F*phi_2**2/2)),
-    )
+    _phi, phi_1, _phi_2, _phi_3 = mode(a)
+    w_A_A_z = a.integral_from_left(f_A_A_row_1(a))
+    w_A_A_Z = a.right(F*phi_1**2/2) - a.integral_to_right(f_A_A_row_3(a) + a.i*omega*w_A_A_z)
+    return w_A_A_z, w_A_A_Z
 
 
 @stage
 def response_A_Ac(a):
-    """Response to A Ac (harmonic 0): w_A_Ac_x, w_A_Ac_z, w_A_Ac_theta, w_A_Ac_theta_s, w_A_Ac_X, w_A_Ac_Z."""
+    """Response to A Ac (harmonic 0): w_A_Ac_z, w_A_Ac_Z."""
     F = a.control
-    _phi, _phi_1, phi_2, _phi_3, _phi_4, _phi_5 = mode(a)
-    _phi_bar, _phi_bar_1, phi_bar_2, _phi_bar_3, _phi_bar_4, _phi_bar_5 = mode_bar(a)
-    return a.solve(
-        operator_0(a),
-        forcing=(
-            0,
-            f_A_Ac_row_1(a),
-            0,
-            f_A_Ac_row_4(a),
-            f_A_Ac_row_2(a),
-            f_A_Ac_row_3(a),
-        ),
-        left=(0, 0, 0),
-        right=(0, 0, a.right(F*phi_2*phi_bar_2)),
-    )
+    _phi, phi_1, _phi_2, _phi_3 = mode(a)
+    _phi_bar, phi_bar_1, _phi_bar_2, _phi_bar_3 = mode_bar(a)
+    w_A_Ac_z = a.integral_from_left(f_A_Ac_row_1(a))
+    w_A_Ac_Z = a.right(F*phi_1*phi_bar_1) - a.integral_to_right(f_A_Ac_row_3(a))
+    return w_A_Ac_z, w_A_Ac_Z
 
 
 @stage
 def f_A_A_row_1(a):
-    _phi, _phi_1, phi_2, _phi_3, _phi_4, _phi_5 = mode(a)
-    return -phi_2**2/2
-
-
-@stage
-def f_A_A_row_2(a):
-    omega = a.frequency
-    _phi, phi_1, phi_2, _phi_3, _phi_4, _phi_5 = mode(a)
-    return -a.i*omega*phi_1*phi_2/2
+    _phi, phi_1, _phi_2, _phi_3 = mode(a)
+    return -phi_1**2/2
 
 
 @stage
 def f_A_A_row_3(a):
     omega = a.frequency
-    phi, _phi_1, phi_2, _phi_3, _phi_4, _phi_5 = mode(a)
-    return -a.i*omega*phi*phi_2/2
-
-
-@stage
-def f_A_A_row_4(a):
-    _phi, _phi_1, phi_2, _phi_3, _phi_4, phi_5 = mode(a)
-    return phi_2*phi_5
+    phi, phi_1, _phi_2, _phi_3 = mode(a)
+    return -a.i*omega*phi*phi_1/2
 
 
 @stage
 def f_A_Ac_row_1(a):
-    _phi, _phi_1, phi_2, _phi_3, _phi_4, _phi_5 = mode(a)
-    _phi_bar, _phi_bar_1, phi_bar_2, _phi_bar_3, _phi_bar_4, _phi_bar_5 = mode_bar(a)
-    return -phi_2*phi_bar_2
-
-
-@stage
-def f_A_Ac_row_2(a):
-    omega = a.frequency
-    _phi, phi_1, phi_2, _phi_3, _phi_4, _phi_5 = mode(a)
-    _phi_bar, phi_bar_1, phi_bar_2, _phi_bar_3, _phi_bar_4, _phi_bar_5 = mode_bar(a)
-    return -a.i*omega*phi_1*phi_bar_2/2 + a.i*omega*phi_2*phi_bar_1/2
+    _phi, phi_1, _phi_2, _phi_3 = mode(a)
+    _phi_bar, phi_bar_1, _phi_bar_2, _phi_bar_3 = mode_bar(a)
+    return -phi_1*phi_bar_1
 
 
 @stage
 def f_A_Ac_row_3(a):
     omega = a.frequency
-    phi, _phi_1, phi_2, _phi_3, _phi_4, _phi_5 = mode(a)
-    phi_bar, _phi_bar_1, phi_bar_2, _phi_bar_3, _phi_bar_4, _phi_bar_5 = mode_bar(a)
-    return -a.i*omega*phi*phi_bar_2/2 + a.i*omega*phi_2*phi_bar/2
-
-
-@stage
-def f_A_Ac_row_4(a):
-    _phi, _phi_1, phi_2, _phi_3, _phi_4, phi_5 = mode(a)
-    _phi_bar, _phi_bar_1, phi_bar_2, _phi_bar_3, _phi_bar_4, phi_bar_5 = mode_bar(a)
-    return phi_2*phi_bar_5 + phi_5*phi_bar_2
+    phi, phi_1, _phi_2, _phi_3 = mode(a)
+    phi_bar, phi_bar_1, _phi_bar_2, _phi_bar_3 = mode_bar(a)
+    return -a.i*omega*phi*phi_bar_1/2 + a.i*omega*phi_1*phi_bar/2
 
 
 @stage
 def f_cubic_0(a):
-    _phi, _phi_1, phi_2, _phi_3, _phi_4, _phi_5 = mode(a)
-    _phi_bar, _phi_bar_1, phi_bar_2, _phi_bar_3, _phi_bar_4, _phi_bar_5 = mode_bar(a)
-    return phi_2**2*phi_bar_2/2
-
-
-@stage
-def f_cubic_1(a):
-    _phi, _phi_1, phi_2, _phi_3, _phi_4, _phi_5 = mode(a)
-    _phi_bar, _phi_bar_1, phi_bar_2, _phi_bar_3, _phi_bar_4, _phi_bar_5 = mode_bar(a)
-    _w_A_A_x, _w_A_A_z, w_A_A_theta, _w_A_A_theta_s, _w_A_A_X, _w_A_A_Z = response_A_A(a)
-    _w_A_Ac_x, _w_A_Ac_z, w_A_Ac_theta, _w_A_Ac_theta_s, _w_A_Ac_X, _w_A_Ac_Z = response_A_Ac(a)
-    return phi_2*w_A_Ac_theta + phi_bar_2*w_A_A_theta
+    _phi, phi_1, _phi_2, _phi_3 = mode(a)
+    _phi_bar, phi_bar_1, _phi_bar_2, _phi_bar_3 = mode_bar(a)
+    return phi_1**2*phi_bar_1/2
 
 
 @stage
 def f_cubic_2(a):
     omega = a.frequency
-    phi, phi_1, phi_2, _phi_3, _phi_4, _phi_5 = mode(a)
-    phi_bar, phi_bar_1, phi_bar_2, _phi_bar_3, _phi_bar_4, _phi_bar_5 = mode_bar(a)
-    _w_A_A_x, w_A_A_z, w_A_A_theta, _w_A_A_theta_s, _w_A_A_X, _w_A_A_Z = response_A_A(a)
-    _w_A_Ac_x, _w_A_Ac_z, w_A_Ac_theta, _w_A_Ac_theta_s, _w_A_Ac_X, _w_A_Ac_Z = response_A_Ac(a)
+    phi, phi_1, _phi_2, _phi_3 = mode(a)
+    phi_bar, phi_bar_1, _phi_bar_2, _phi_bar_3 = mode_bar(a)
+    w_A_A_z, _w_A_A_Z = response_A_A(a)
     return (
-        a.i*omega*phi*phi_2*phi_bar_2
-        + a.i*omega*phi_1*w_A_Ac_theta/2
-        - a.i*omega*phi_2**2*phi_bar/2
-        - a.i*omega*phi_bar_1*w_A_A_theta/2
-        + a.i*omega*phi_bar_2*w_A_A_z
-    )
-
-
-@stage
-def f_cubic_3(a):
-    omega = a.frequency
-    phi, phi_1, phi_2, _phi_3, _phi_4, _phi_5 = mode(a)
-    phi_bar, phi_bar_1, phi_bar_2, _phi_bar_3, _phi_bar_4, _phi_bar_5 = mode_bar(a)
-    w_A_A_x, _w_A_A_z, w_A_A_theta, _w_A_A_theta_s, _w_A_A_X, _w_A_A_Z = response_A_A(a)
-    _w_A_Ac_x, _w_A_Ac_z, w_A_Ac_theta, _w_A_Ac_theta_s, _w_A_Ac_X, _w_A_Ac_Z = response_A_Ac(a)
-    return (
-        a.i*omega*phi*w_A_Ac_theta/2
-        - a.i*omega*phi_1*phi_2*phi_bar_2
-        + a.i*omega*phi_2**2*phi_bar_1/2
-        - a.i*omega*phi_bar*w_A_A_theta/2
-        + a.i*omega*phi_bar_2*w_A_A_x
+        a.i*omega*phi*phi_1*phi_bar_1
+        - a.i*omega*phi_1**2*phi_bar/2
+        + a.i*omega*phi_bar_1*w_A_A_z
     )
 
 
 @stage
 def f_cubic_4(a):
     F = a.control
-    _phi, _phi_1, phi_2, _phi_3, phi_4, phi_5 = mode(a)
-    _phi_bar, _phi_bar_1, phi_bar_2, _phi_bar_3, phi_bar_4, phi_bar_5 = mode_bar(a)
-    _w_A_A_x, _w_A_A_z, w_A_A_theta, _w_A_A_theta_s, _w_A_A_X, w_A_A_Z = response_A_A(a)
-    _w_A_Ac_x, _w_A_Ac_z, w_A_Ac_theta, _w_A_Ac_theta_s, _w_A_Ac_X, w_A_Ac_Z = response_A_Ac(a)
+    _phi, phi_1, _phi_2, phi_3 = mode(a)
+    _phi_bar, phi_bar_1, _phi_bar_2, phi_bar_3 = mode_bar(a)
+    _w_A_A_z, w_A_A_Z = response_A_A(a)
+    _w_A_Ac_z, w_A_Ac_Z = response_A_Ac(a)
     return (
-        -F*phi_2**2*phi_bar_2/2
-        - phi_2**2*phi_bar_4/2
-        - phi_2*phi_4*phi_bar_2
-        - phi_2*w_A_Ac_Z
-        - phi_5*w_A_Ac_theta
-        - phi_bar_2*w_A_A_Z
-        - phi_bar_5*w_A_A_theta
+        F*phi_1**2*phi_bar_1
+        + phi_1**2*phi_bar_3/2
+        + phi_1*phi_3*phi_bar_1
+        - phi_1*w_A_Ac_Z
+        - phi_bar_1*w_A_A_Z
     )
 
 
 @stage
 def xi(a):
     """Solvability integral of dA/dt."""
-    phi, phi_1, _phi_2, _phi_3, _phi_4, _phi_5 = mode(a)
-    _zeta_5, _zeta_4, _zeta_3, _zeta_2, zeta_1, zeta = adjoint_mode(a)
-    total = a.integral(-phi*zeta_1 - phi_1*zeta/2)
+    phi, _phi_1, _phi_2, _phi_3 = mode(a)
+    _zeta_3, _zeta_2, _zeta_1, zeta = adjoint_mode(a)
+    total = a.integral(phi*zeta)
     return total
 
 
@@ -331,33 +228,21 @@ def xi(a):
 def coefficient_alpha_plus_beta(a):
     """Solvability integral of A**2*conj(A), over -xi."""
     F = a.control
-    _phi, _phi_1, phi_2, _phi_3, _phi_4, _phi_5 = mode(a)
-    _phi_bar, _phi_bar_1, phi_bar_2, _phi_bar_3, _phi_bar_4, _phi_bar_5 = mode_bar(a)
-    zeta_5, zeta_4, _zeta_3, zeta_2, zeta_1, zeta = adjoint_mode(a)
-    _w_A_A_x, _w_A_A_z, w_A_A_theta, _w_A_A_theta_s, _w_A_A_X, _w_A_A_Z = response_A_A(a)
-    _w_A_Ac_x, _w_A_Ac_z, w_A_Ac_theta, _w_A_Ac_theta_s, _w_A_Ac_X, _w_A_Ac_Z = response_A_Ac(a)
-    integrand = (
-        f_cubic_0(a)*zeta_5
-        + f_cubic_1(a)*zeta_4
-        + f_cubic_2(a)*zeta_1
-        + f_cubic_3(a)*zeta
-        + f_cubic_4(a)*zeta_2
-    )
-    total = a.integral(integrand)
-    total = total + (
-        a.right(F*phi_2**2*phi_bar_2*zeta_1/2 - (-F*phi_2*w_A_Ac_theta - F*phi_bar_2*w_A_A_theta)
-        *zeta)
-    )
+    _phi, phi_1, _phi_2, _phi_3 = mode(a)
+    _phi_bar, phi_bar_1, _phi_bar_2, _phi_bar_3 = mode_bar(a)
+    zeta_3, _zeta_2, zeta_1, zeta = adjoint_mode(a)
+    total = a.integral(f_cubic_0(a)*zeta_3 - f_cubic_2(a)*zeta + f_cubic_4(a)*zeta_1)
+    total = total + a.right(-F*phi_1**2*phi_bar_1*zeta/2)
     return -total/xi(a)
 
 
 @stage
 def coefficient_gamma(a):
     """Solvability integral of mu*A, over -xi."""
-    _phi, _phi_1, phi_2, _phi_3, _phi_4, _phi_5 = mode(a)
-    _zeta_5, _zeta_4, _zeta_3, zeta_2, zeta_1, _zeta = adjoint_mode(a)
-    total = a.integral(phi_2*zeta_2)
-    total = total + a.right(-phi_2*zeta_1)
+    _phi, phi_1, _phi_2, _phi_3 = mode(a)
+    _zeta_3, _zeta_2, zeta_1, zeta = adjoint_mode(a)
+    total = a.integral(phi_1*zeta_1)
+    total = total + a.right(phi_1*zeta)
     return -total/xi(a)
 
 

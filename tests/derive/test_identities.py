@@ -56,3 +56,10 @@ def test_the_boundary_form_vanishes_on_direct_and_adjoint_rows(name):
             for other in adjoint_rows:
                 assert sum((a * b for a, b in zip(row, other, strict=True)), Integer(0)).expand() == 0
         assert len(rows) + len(adjoint_rows) == operator.size
+
+
+def test_only_the_fields_that_are_coupled_or_driven_are_solved_for():
+    """The planar filament: its mode is one scalar function of fourth order, its mean and double-frequency responses are quadratures."""
+    reduction = derivation_of("follower_force_planar").reduction
+    assert reduction.mode.operator.scalar and reduction.mode.operator.size == 4
+    assert all(response.explicit is not None and len(response.states) == 2 for response in reduction.responses)
