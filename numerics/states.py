@@ -1,0 +1,304 @@
+"""States of the amplitude equation as numbers: right to the digits asked for, or a clear failure.
+
+The coefficients enter as balls whose radius is their error, so that whatever is computed from them carries its own bound. A number
+that is wrong by less than asked for is printed; a ball that cannot be told from zero with 30 more digits is a zero, and said so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+from fractions import Fraction
+from typing import Any
+
+from flint import arb, fmpq
+
+from numerics.coefficients import Result, Threshold, decimal, evaluate
+from numerics.precision import EvaluationError, bits_of, working_precision
+
+GUARDS = (8, 30, 90)  # the first is enough for numbers that are not zero
+MOST_DIGITS = 10000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Eigenvalue:
+    """A growth rate of perturbations about a state, in original time; exactly zero where a symmetry makes it so."""
+
+    re: str
+    im: str
+    direction: str
+    neutral: str | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the JSON object of the contract."""
+        return {"re": self.re, "im": self.im, "direction": self.direction, "neutral": self.neutral}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State:
+    """A state at one control; without it (`exists` false) its numbers are None."""
+
+    name: str
+    exists: bool
+    criticality: str | None
+    amplitude_squared: str | None
+    peak: str | None
+    frequency_correction: str | None
+    eigenvalues: tuple[Eigenvalue, ...]
+    stable: bool | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the JSON object of the contract."""
+        numbers = {key: getattr(self, key) for key in ("name", "exists", "criticality", "amplitude_squared", "peak", "frequency_correction")}
+        return {**numbers, "eigenvalues": [one.as_dict() for one in self.eigenvalues] if self.exists else None, "stable": self.stable}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Law:
+    """What becomes of |A| at the threshold: `prefactor` t^exponent if it decays, `prefactor` (t* - t)^exponent if it grows."""
+
+    perturbation: str
+    decays: bool | None
+    prefactor: str | None
+    exponent: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {"perturbation": self.perturbation, "decays": self.decays, "prefactor": self.prefactor, "exponent": self.exponent}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatesResult:
+    """All states of a problem at one distance `mu` from the threshold."""
+
+    problem: str
+    mu: str
+    digits: int
+    kind: str
+    threshold: Threshold
+    criticality: str | None
+    states: tuple[State, ...]
+    at_threshold: tuple[Law, ...]
+    warnings: tuple[str, ...]
+
+    def __getitem__(self, name: str) -> State:
+        for one in self.states:
+            if one.name == name:
+                return one
+        raise KeyError(f"{name}: expected one of {', '.join(one.name for one in self.states)}")
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the JSON object of the contract."""
+        return {
+            "problem": self.problem, "mu": self.mu, "digits": self.digits, "kind": self.kind, "criticality": self.criticality, "threshold": self.threshold.as_dict(),
+            "states": [one.as_dict() for one in self.states], "at_threshold": [one.as_dict() for one in self.at_threshold], "warnings": list(self.warnings),
+        }
+
+    def text(self) -> str:
+        """Return the states as lines of text."""
+        lines = [f"{self.problem}: {self.kind}, {self.criticality or 'undecided'}, at mu = {self.mu}"]
+        for state in self.states:
+            if not state.exists:
+                lines.append(f"  {state.name}: does not exist here" + (f" ({state.criticality})" if state.criticality else ""))
+                continue
+            verdict = {True: "stable", False: "unstable", None: "stability undecided"}[state.stable]
+            lines.append(f"  {state.name}: {verdict}")
+            if state.amplitude_squared != "0":
+                lines += [f"    |A|^2                 {state.amplitude_squared}", f"    peak                  {state.peak}", f"    frequency correction  {state.frequency_correction}"]
+            for one in state.eigenvalues:
+                value = one.re if one.im == "0" else f"{one.re} {'-' if one.im.startswith('-') else '+'} {one.im.lstrip('-')}i"
+                lines.append(f"    {one.direction:21} {value}" + (f"  ({one.neutral})" if one.neutral else ""))
+        for law in self.at_threshold:
+            what = {True: f"|A| ~ {law.prefactor} t^({law.exponent})", False: f"|A| ~ {law.prefactor} (t* - t)^({law.exponent}), infinite at a finite t*", None: "undecided"}[law.decays]
+            lines.append(f"  at the threshold, {law.perturbation} perturbation: {what}")
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        return self.text()
+
+    def _repr_latex_(self) -> str:
+        rows = r" \\ ".join(rf"\text{{{one.name}}} & {one.amplitude_squared or '-'} & {one.frequency_correction or '-'} & \text{{{'stable' if one.stable else 'unstable' if one.exists else ''}}}"
+                            for one in self.states)
+        return rf"$$\begin{{array}}{{llll}} & |A|^2 & \nu & \\ {rows} \end{{array}}$$"
+
+
+def exact(text: str) -> Fraction:
+    """Return an exact decimal or rational number, such as 1, 0.5, -3e-4 or 2/7."""
+    try:
+        if "/" in text:
+            numerator, denominator = text.split("/")
+            value = Fraction(int(numerator), int(denominator))
+        else:
+            number = Decimal(text)
+            if not number.is_finite() or abs(number.adjusted()) > 5000:
+                raise ValueError
+            value = Fraction(number)
+    except (ValueError, InvalidOperation, ZeroDivisionError):
+        raise EvaluationError(f"mu: found {text!r}; expected an exact number such as 1, 0.5, -3e-4 or 2/7") from None
+    return value
+
+
+def evaluate_states(emitted: str, states: str, mu: str | int = "1", digits: int = 15) -> StatesResult:
+    """Return all states at `mu` = control - threshold, each number right to `digits` significant digits.
+
+    Parameters
+    ----------
+    emitted, states
+        The texts that `Derivation.emit` and `States.emit` return.
+    mu
+        An integer, or text of an exact decimal or rational number.
+    digits
+        Significant digits; of the modulus for eigenvalues.
+
+    Raises
+    ------
+    EvaluationError
+        The digits cannot be given; the message says why.
+    """
+    if isinstance(digits, bool) or not isinstance(digits, int) or not 1 <= digits <= MOST_DIGITS:
+        raise EvaluationError(f"digits: found {digits!r}; expected an integer from 1 to {MOST_DIGITS}")
+    distance = exact(str(mu))
+    if "Emitted by `fredholm states`" not in states.split("\n", 1)[0]:
+        raise EvaluationError("found a text that `States.emit` did not return; expected its text")
+    module: dict[str, Any] = {"__name__": "emitted_states"}
+    exec(compile(states, "<emitted states>", "exec"), module)  # noqa: S102  (the emitted module is our own text)
+    for guard in GUARDS:
+        result = evaluate(emitted, digits=digits + guard)
+        with working_precision(bits_of(digits + guard) + 64):
+            reckoning = Reckoning(digits=digits, last=guard != GUARDS[0])
+            try:
+                return numbers_of(module, result, str(mu), distance, reckoning)
+            except Undecided as reason:
+                said = str(reason)
+    raise EvaluationError(f"{result.problem}: {digits} digits of the states are not reached: {said}; ask for fewer digits")
+
+
+class Undecided(Exception):
+    """A ball is too wide; more digits are needed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reckoning:
+    """Decides about balls: what is printed, what is zero (on the last count only), what needs more digits."""
+
+    digits: int
+    last: bool
+
+    def is_zero(self, value: arb, scale: arb) -> bool:
+        """Tell whether a ball is zero; one that holds zero must be small against `scale`."""
+        if not value.is_finite():
+            raise Undecided("a quotient is not bounded")
+        if not value.contains(0):
+            return False
+        if self.last and value.abs_upper() < arb(10) ** -(self.digits + 20) * scale.abs_upper():
+            return True
+        raise Undecided(f"{value.str(5)} cannot be told from zero")
+
+    def sign(self, value: arb, scale: arb) -> int:
+        """Return the sign of a ball."""
+        return 0 if self.is_zero(value, scale) else 1 if value > 0 else -1
+
+    def printed(self, re: arb, im: arb, scale: arb) -> tuple[str, str]:
+        """Return a complex number, right to the digits of its modulus."""
+        re, im = arb(re), arb(im)
+        if re == 0 and im == 0 or self.is_zero((re * re + im * im).sqrt() if im != 0 else re, scale):
+            return "0", "0"
+        size = max((abs(part).mid() for part in (re, im)), key=float_safe)
+        for part in (re, im):
+            if not part.is_finite() or part.rad() > arb(10) ** -(self.digits + 4) * size:
+                raise Undecided(f"{part.str(self.digits)} is not known to {self.digits} digits")
+        return decimal(re, self.digits + 3, size), decimal(im, self.digits + 3, size)
+
+
+def float_safe(value: arb) -> Any:
+    """Return a key that orders positive numbers of any size."""
+    return value
+
+
+def ball(text: str, error: str) -> arb:
+    """Return a decimal number as a ball with its error."""
+    return arb(arb(text).mid(), arb(error).abs_upper()) + arb(text) - arb(text).mid()
+
+
+def numbers_of(module: Mapping[str, Any], result: Result, text: str, distance: Fraction, reckoning: Reckoning) -> StatesResult:
+    """Return the numbers of the analysis that belongs to the monomials of a result."""
+    c = {one.monomial: (ball(one.value.re, one.value.error), ball(one.value.im, one.value.error) if result.threshold.kind == "hopf" else arb(0)) for one in result.coefficients}
+    warnings = [warning for warning in result.warnings]
+    weak = [monomial for monomial in c if monomial.startswith("epsilon")]
+    if weak:
+        warnings.append(f"the weak effects {', '.join(weak)} are left out: these are the states at epsilon = 0")
+    known = {monomial for monomial in c if monomial not in weak}
+    functions, law_of = next((functions, laws) for monomials, functions, laws in module["ANALYSES"] if set(monomials) == known)
+    mu = arb(fmpq(distance.numerator, distance.denominator))
+    growth = sum((abs(part) for part in c["mu*A"]), arb(0))  # the scale of growth rates
+    largest = sum((abs(part).mid() for monomial in known for part in c[monomial]), arb(0))
+    laws, criticality = threshold_laws(law_of(c), reckoning, largest, "A**2" in known, warnings)
+    states = tuple(state_of(name, function, c, mu, reckoning, growth, largest, "A**2" in known, laws, warnings) for name, function in functions)
+    return StatesResult(problem=result.problem, mu=text, digits=reckoning.digits, kind=module["KIND"], threshold=result.threshold, criticality=criticality, states=states,
+                        at_threshold=laws, warnings=tuple(dict.fromkeys(warnings)))
+
+
+def threshold_laws(given: Any, reckoning: Reckoning, largest: arb, transcritical: bool, warnings: list[str]) -> tuple[tuple[Law, ...], str | None]:
+    """Return the laws at the threshold, last that of a general perturbation, and the criticality of all families together."""
+    rows, selected = given
+    laws = []
+    for perturbation, rate, power in rows:
+        sign = reckoning.sign(rate, largest)
+        exponent = "-1" if power == -1 else "-1/2"
+        if sign == 0:
+            warnings.append(f"the cubic coefficient of {perturbation} states has a vanishing real part: the next order decides")
+            laws.append(Law(perturbation=perturbation, decays=None, prefactor=None, exponent=exponent))
+            continue
+        prefactor, _ = reckoning.printed(1 / abs(rate) if power == -1 else (1 / abs(rate)).sqrt(), arb(0), arb(1))
+        laws.append(Law(perturbation=perturbation, decays=sign < 0, prefactor=prefactor, exponent=exponent))
+    if transcritical:  # perturbations of one sign decay, of the other grow
+        law = laws[0]
+        toward, away = ("positive", "negative") if law.decays else ("negative", "positive")
+        return tuple(Law(perturbation=name, decays=name == toward, prefactor=law.prefactor, exponent="-1") for name in (toward, away)), "transcritical"
+    if len(laws) == 2:
+        sign = reckoning.sign(selected, largest)
+        if sign == 0:
+            warnings.append("the real part of the coefficient of dot(A,A)*conj(A) vanishes: neither beating nor whirling is selected at this order, and ellipses that turn are states too")
+            whole = laws[1] if laws[0].decays == laws[1].decays else Law(perturbation="", decays=None, prefactor=None, exponent="-1/2")
+        else:
+            whole = laws[1] if sign < 0 else laws[0]
+        laws.append(Law(perturbation="general", decays=whole.decays, prefactor=whole.prefactor, exponent=whole.exponent))
+    verdicts = {law.decays for law in laws}
+    return tuple(laws), "subcritical" if False in verdicts else None if None in verdicts else "supercritical"
+
+
+def state_of(name: str, function: Any, c: Mapping[str, tuple[arb, arb]], mu: arb, reckoning: Reckoning, growth: arb, largest: arb, transcritical: bool,
+             laws: Sequence[Law], warnings: list[str]) -> State:
+    """Return one state as numbers."""
+    values = function(c, mu)
+    trivial = isinstance(values["nonlinear"], int)
+    scale = growth * abs(mu)
+    criticality = None
+    exists = trivial
+    if not trivial:
+        sign = reckoning.sign(values["nonlinear"], largest)
+        if sign == 0:
+            warnings.append(f"{name}: the real part of its coefficient vanishes; whether it exists is decided by the next order")
+        else:
+            criticality = "transcritical" if transcritical else "supercritical" if sign < 0 else "subcritical"
+            exists = mu != 0 and values["amplitude_squared"] > 0
+    if not exists:
+        return State(name=name, exists=False, criticality=criticality, amplitude_squared=None, peak=None, frequency_correction=None, eigenvalues=(), stable=None)
+    size = arb(values["amplitude_squared"])
+    eigenvalues, verdicts = [], []
+    for re, im, direction, neutral in values["eigenvalues"]:
+        text_re, text_im = reckoning.printed(re, im, scale)
+        eigenvalues.append(Eigenvalue(re=text_re, im=text_im, direction=direction, neutral=neutral or ("threshold" if mu == 0 else None)))
+        if not neutral:
+            verdicts.append(0 if mu == 0 else reckoning.sign(re, scale))
+    stable = all(verdict < 0 for verdict in verdicts)
+    if mu == 0:
+        stable = all(law.decays for law in laws[-1:]) if not transcritical else False
+    elif 0 in verdicts and 1 not in verdicts:
+        warnings.append(f"{name}: an eigenvalue has a vanishing real part; its stability is decided by the next order")
+        stable = None  # type: ignore[assignment]
+    return State(
+        name=name, exists=True, criticality=criticality, amplitude_squared=reckoning.printed(size, arb(0), arb(1))[0], peak=reckoning.printed(arb(values["peak_squared"]).sqrt(), arb(0), arb(1))[0],
+        frequency_correction=reckoning.printed(values["frequency_correction"], arb(0), scale)[0], eigenvalues=tuple(eigenvalues), stable=stable,
+    )
