@@ -311,6 +311,26 @@ def linearised(equation: Equation, shape: Matrix, rotation: Expr) -> tuple[Matri
     return P.applyfunc(expand), Q.applyfunc(expand)
 
 
+COSINE, SINE = symbols("C S", real=True)  # of twice the phase theta
+
+
+def real_system(equation: Equation, P: Matrix, Q: Matrix) -> Matrix:
+    """Return the matrix of the system for the real and imaginary parts, component after component, over |A|^2."""
+    def parts(entry: Expr) -> tuple[Expr, Expr]:
+        turned = expand(entry / MAGNITUDE**2).subs({TURN**2: COSINE + I * SINE, TURN**-2: COSINE - I * SINE})
+        return expand(equation.in_parts(turned)).as_real_imag()
+
+    if not equation.is_complex:
+        return Matrix(P)
+    n = equation.dimension
+    result = Matrix.zeros(2 * n)
+    for i in range(n):
+        for j in range(n):
+            (p, p_i), (q, q_i) = parts(P[i, j]), parts(Q[i, j])
+            result[2 * i:2 * i + 2, 2 * j:2 * j + 2] = Matrix([[p + q, q_i - p_i], [p_i + q_i, p - q]])
+    return result.applyfunc(expand)
+
+
 def characteristic(equation: Equation, P: Matrix, Q: Matrix) -> Expr:
     """Return the characteristic polynomial of a' = P a + Q a*, as a system for a and a*."""
     n = P.shape[0]
