@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 MU = Symbol("mu", real=True)
 NU = Symbol("nu", real=True)
 SIGMA = Symbol("sigma")
-MAGNITUDE = Symbol("R", positive=True)  # |A| of the state; of a real scalar A itself
-TURN = Symbol("E")  # e^{i theta}: its conjugate is 1/E
-SQUARE, AREA = symbols("N B", real=True)  # |A|^2 and |B| = |A* x A|
-DOT, DOT_BAR = symbols("S S_bar")  # A.A and its conjugate
+MAGNITUDE = Symbol("size", positive=True)  # |A| of the state; of a real scalar A itself
+TURN = Symbol("turn")  # e^{i theta}: its conjugate is 1/E
+SQUARE, AREA = symbols("square surface", real=True)  # |A|^2 and |B| = |A* x A|
+DOT, DOT_BAR = symbols("dot dot_bar")  # A.A and its conjugate
 A1, A2, C1, C2 = symbols("A1 A2 C1 C2")  # components of A and of conj(A), independent as in Wirtinger's calculus
 
 KINDS = {("hopf", True): "complex vector", ("hopf", False): "complex scalar", ("steady", True): "real vector", ("steady", False): "real scalar"}
@@ -85,11 +85,6 @@ class Equation:
     def linear(self) -> Term:
         """Return the term mu A."""
         return next(term for term in self.terms if term.monomial == "mu*A")
-
-    @property
-    def nonlinear(self) -> tuple[Term, ...]:
-        """Return the other terms."""
-        return tuple(term for term in self.terms if term.monomial != "mu*A")
 
     @property
     def unknown(self) -> Expr:
@@ -148,11 +143,6 @@ class State:
     P: ImmutableMatrix
     Q: ImmutableMatrix
     eigenvalues: tuple[Eigenvalue, ...]
-
-    @property
-    def exists_for(self) -> str:
-        """Return the condition on the sign of mu, for a base state that is unstable for mu > 0."""
-        return "all mu" if self.nonlinear == 0 else "mu * nonlinear < 0"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -300,7 +290,7 @@ def analyse(equation: Equation) -> Analysis:
 
 
 def linearised(equation: Equation, shape: Matrix, rotation: Expr) -> tuple[Matrix, Matrix]:
-    """Return P and Q of a' = P a + Q a* about a state, in the frame that turns with it."""
+    """Return P and Q of a' = P a + Q a* about a state, in the frame that turns with it; `rotation` is i nu by the steady equation (0 when steady)."""
     A, C = amplitudes(equation)
     rate = equation.rate(A, C)
     there = dict(zip(A, shape, strict=True))
@@ -311,13 +301,13 @@ def linearised(equation: Equation, shape: Matrix, rotation: Expr) -> tuple[Matri
     return P.applyfunc(expand), Q.applyfunc(expand)
 
 
-COSINE, SINE = symbols("C S", real=True)  # of twice the phase theta
+COSINE, SINE = symbols("turn_cos turn_sin", real=True)  # of twice the phase theta
 
 
 def real_system(equation: Equation, P: Matrix, Q: Matrix) -> Matrix:
     """Return the matrix of the system for the real and imaginary parts, component after component, over |A|^2."""
     def parts(entry: Expr) -> tuple[Expr, Expr]:
-        turned = expand(entry / MAGNITUDE**2).subs({TURN**2: COSINE + I * SINE, TURN**-2: COSINE - I * SINE})
+        turned = expand(entry / MAGNITUDE**2).xreplace({TURN**2: COSINE + I * SINE, TURN**-2: COSINE - I * SINE})
         return expand(equation.in_parts(turned)).as_real_imag()
 
     if not equation.is_complex:
@@ -371,6 +361,23 @@ def trivial_state(equation: Equation) -> State:
                  amplitude_squared=zero, peak_squared=zero, frequency_correction=zero, P=ImmutableMatrix(P), Q=ImmutableMatrix(Q), eigenvalues=tuple(eigenvalues))
 
 
+def base_eigenvectors(equation: Equation) -> tuple[tuple[Expr, Matrix], ...]:
+    """Return the eigenvalues of A = 0 over mu with the eigenvectors (a_r, a_i) of one direction.
+
+    Notes
+    -----
+    Source: labels ``stability stationary sys`` and ``stationary stability eigenvectors`` of the paper.
+    """
+    gamma = equation.linear
+    system = Matrix([[gamma.real, -gamma.imaginary], [gamma.imaginary, gamma.real]])
+    result = []
+    for value in (gamma.value, gamma.conjugate):
+        parts = equation.in_parts(value)
+        vector = (system - parts * eye(2)).nullspace()[0].applyfunc(cancel)
+        result.append((value, (vector / vector[0]).applyfunc(cancel)))
+    return tuple(result)
+
+
 def state_of(equation: Equation, name: str, shape: Matrix) -> State:
     """Return a family of states: magnitude, frequency, existence, linearisation and eigenvalues."""
     reflected = shape.applyfunc(equation.conjugated)
@@ -403,8 +410,6 @@ def eigenvalues_of(equation: Equation, name: str, shape: Matrix, P: Matrix, Q: M
     if equation.is_complex:
         along_P, along_Q = (expand(cancel(reflected.dot(value) / MAGNITUDE**2)) for value in (P * shape, Q * reflected))
     else:
-        # mu is eliminated by the steady equation, as nu is
-        P = P.subs(equation.linear.value * MU, -sum((term.value for term in equation.nonlinear), Integer(0)) * unknown).applyfunc(expand)
         along_P, along_Q = expand(cancel(shape.dot(P * shape) / MAGNITUDE**2)), Integer(0)
     along = linear_roots(characteristic(equation, Matrix([along_P]), Matrix([along_Q])))
     across = list((Counter(linear_roots(characteristic(equation, P, Q))) - Counter(along)).elements())

@@ -283,11 +283,11 @@ def state_of(name: str, function: Any, c: Mapping[str, tuple[arb, arb]], mu: arb
         return State(name=name, exists=False, criticality=criticality, amplitude_squared=None, peak=None, frequency_correction=None, eigenvalues=(), stable=None)
     size = arb(values["amplitude_squared"])
     eigenvalues, verdicts = [], []
-    for re, im, direction, neutral in values["eigenvalues"]:
-        text_re, text_im = reckoning.printed(re, im, scale)
+    for real, imaginary, direction, neutral in values["eigenvalues"]:
+        text_re, text_im = reckoning.printed(real, imaginary, scale)
         eigenvalues.append(Eigenvalue(re=text_re, im=text_im, direction=direction, neutral=neutral or ("threshold" if mu == 0 else None)))
         if not neutral:
-            verdicts.append(0 if mu == 0 else reckoning.sign(re, scale))
+            verdicts.append(0 if mu == 0 else reckoning.sign(arb(real), scale))
     stable = all(verdict < 0 for verdict in verdicts)
     if mu == 0:
         stable = all(law.decays for law in laws[-1:]) if not transcritical else False
