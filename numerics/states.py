@@ -200,21 +200,16 @@ class Reckoning:
         re, im = arb(re), arb(im)
         if re == 0 and im == 0 or self.is_zero((re * re + im * im).sqrt() if im != 0 else re, scale):
             return "0", "0"
-        size = max((abs(part).mid() for part in (re, im)), key=float_safe)
+        size = max(abs(re).mid(), abs(im).mid())
         for part in (re, im):
             if not part.is_finite() or part.rad() > arb(10) ** -(self.digits + 4) * size:
                 raise Undecided(f"{part.str(self.digits)} is not known to {self.digits} digits")
         return decimal(re, self.digits + 3, size), decimal(im, self.digits + 3, size)
 
 
-def float_safe(value: arb) -> Any:
-    """Return a key that orders positive numbers of any size."""
-    return value
-
-
 def ball(text: str, error: str) -> arb:
     """Return a decimal number as a ball with its error."""
-    return arb(arb(text).mid(), arb(error).abs_upper()) + arb(text) - arb(text).mid()
+    return arb(text) + arb(0, error)
 
 
 def numbers_of(module: Mapping[str, Any], result: Result, text: str, distance: Fraction, reckoning: Reckoning) -> StatesResult:

