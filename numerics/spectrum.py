@@ -6,7 +6,7 @@ The emitted critical operator is analytic in its frequency: with :math:`\omega =
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import comb
@@ -40,7 +40,7 @@ class Merging:
     error: str
 
 
-def hopf_module(emitted: str | Path) -> Module:
+def hopf_module(emitted: str | Path | Mapping[str, Any]) -> Module:
     """Return the module, if its critical operator knows the growth rate."""
     module = Module(emitted)
     if module.KIND != "hopf":
@@ -48,7 +48,7 @@ def hopf_module(emitted: str | Path) -> Module:
     return module
 
 
-def growth_rates(emitted: str | Path, control: float) -> Complex:
+def growth_rates(emitted: str | Path | Mapping[str, Any], control: float) -> Complex:
     """Return the growth rates that two resolutions agree on, the rightmost first, as doubles.
 
     Raises
@@ -163,7 +163,7 @@ def eigenvalues(matrices: Sequence[Complex]) -> Complex:
     return SHIFT + 1 / theta
 
 
-def first_complex_pair(emitted: str | Path, digits: int = 15) -> Merging:
+def first_complex_pair(emitted: str | Path | Mapping[str, Any], digits: int = 15) -> Merging:
     r"""Return the first control, from the lower end of its range, at which the two rightmost growth rates merge and become a pair.
 
     There :math:`D = 0` and :math:`\partial D/\partial\lambda = 0`.

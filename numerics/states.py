@@ -7,8 +7,8 @@ that is wrong by less than asked for is printed; a ball that cannot be told from
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from numerics.precision import EvaluationError, bits_of, working_precision
 
 GUARDS = (8, 30, 90)  # the first is enough for numbers that are not zero
 MOST_DIGITS = 10000
+TRIVIAL = ("undeformed", "base")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,16 +196,16 @@ class Reckoning:
         """Return the sign of a ball."""
         return 0 if self.is_zero(value, scale) else 1 if value > 0 else -1
 
-    def printed(self, re: arb, im: arb, scale: arb) -> tuple[str, str]:
+    def printed(self, real: arb | int, imaginary: arb | int, scale: arb) -> tuple[str, str]:
         """Return a complex number, right to the digits of its modulus."""
-        re, im = arb(re), arb(im)
-        if re == 0 and im == 0 or self.is_zero((re * re + im * im).sqrt() if im != 0 else re, scale):
+        parts = arb(real), arb(imaginary)
+        if all(part == 0 or part.contains(0) and self.is_zero(part, scale) for part in parts):
             return "0", "0"
-        size = max(abs(re).mid(), abs(im).mid())
-        for part in (re, im):
+        size = max(abs(part).mid() for part in parts)
+        for part in parts:
             if not part.is_finite() or part.rad() > arb(10) ** -(self.digits + 4) * size:
                 raise Undecided(f"{part.str(self.digits)} is not known to {self.digits} digits")
-        return decimal(re, self.digits + 3, size), decimal(im, self.digits + 3, size)
+        return decimal(parts[0], self.digits + 3, size), decimal(parts[1], self.digits + 3, size)
 
 
 def ball(text: str, error: str) -> arb:
@@ -212,84 +213,97 @@ def ball(text: str, error: str) -> arb:
     return arb(text) + arb(0, error)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """The coefficients as balls, by monomial, and the distance from the threshold."""
+
+    coefficients: Mapping[str, tuple[arb, arb]]
+    mu: arb
+    reckoning: Reckoning
+
+    @property
+    def growth(self) -> arb:
+        """Return the scale of growth rates."""
+        return sum((abs(part) for part in self.coefficients["mu*A"]), arb(0)) * abs(self.mu)
+
+    @property
+    def transcritical(self) -> bool:
+        """Tell whether the equation ends at A**2."""
+        return "A**2" in self.coefficients
+
+    def sign_of_coefficient(self, value: arb) -> int:
+        """Return the sign of a sum of coefficients."""
+        return self.reckoning.sign(value, sum((abs(part).mid() for pair in self.coefficients.values() for part in pair), arb(0)))
+
+    def positive(self, value: arb) -> str:
+        """Return a positive number as text."""
+        return self.reckoning.printed(value, arb(0), arb(1))[0]
+
+    def rate(self, real: arb, imaginary: arb | int = 0) -> tuple[str, str]:
+        """Return a growth rate or a frequency as text."""
+        return self.reckoning.printed(real, imaginary, self.growth)
+
+
 def numbers_of(module: Mapping[str, Any], result: Result, text: str, distance: Fraction, reckoning: Reckoning) -> StatesResult:
     """Return the numbers of the analysis that belongs to the monomials of a result."""
-    c = {one.monomial: (ball(one.value.re, one.value.error), ball(one.value.im, one.value.error) if result.threshold.kind == "hopf" else arb(0)) for one in result.coefficients}
-    warnings = [warning for warning in result.warnings]
-    weak = [monomial for monomial in c if monomial.startswith("epsilon")]
-    if weak:
-        warnings.append(f"the weak effects {', '.join(weak)} are left out: these are the states at epsilon = 0")
-    known = {monomial for monomial in c if monomial not in weak}
-    functions, law_of = next((functions, laws) for monomials, functions, laws in module["ANALYSES"] if set(monomials) == known)
-    mu = arb(fmpq(distance.numerator, distance.denominator))
-    growth = sum((abs(part) for part in c["mu*A"]), arb(0))  # the scale of growth rates
-    largest = sum((abs(part).mid() for monomial in known for part in c[monomial]), arb(0))
-    laws, criticality = threshold_laws(law_of(c), reckoning, largest, "A**2" in known, warnings)
-    states = tuple(state_of(name, function, c, mu, reckoning, growth, largest, "A**2" in known, laws, warnings) for name, function in functions)
+    hopf = result.threshold.kind == "hopf"
+    listed = {one.monomial: (ball(one.value.re, one.value.error), ball(one.value.im, one.value.error) if hopf else arb(0)) for one in result.coefficients}
+    weak = [monomial for monomial in listed if monomial.startswith("epsilon")]
+    warnings = [*result.warnings, *([f"the weak effects {', '.join(weak)} are left out: these are the states at epsilon = 0"] if weak else [])]
+    nominal = {monomial: value for monomial, value in listed.items() if monomial not in weak}
+    functions, law_of = next((functions, laws) for monomials, functions, laws in module["ANALYSES"] if set(monomials) == set(nominal))
+    setting = Setting(coefficients=nominal, mu=arb(fmpq(distance.numerator, distance.denominator)), reckoning=reckoning)
+    laws, criticality = threshold_laws(law_of(nominal), setting, warnings)
+    states = tuple(state_of(name, function(nominal, setting.mu), setting, laws[-1].decays, warnings) for name, function in functions)
     return StatesResult(problem=result.problem, mu=text, digits=reckoning.digits, kind=module["KIND"], threshold=result.threshold, criticality=criticality, states=states,
                         at_threshold=laws, warnings=tuple(dict.fromkeys(warnings)))
 
 
-def threshold_laws(given: Any, reckoning: Reckoning, largest: arb, transcritical: bool, warnings: list[str]) -> tuple[tuple[Law, ...], str | None]:
+def threshold_laws(given: Any, setting: Setting, warnings: list[str]) -> tuple[tuple[Law, ...], str | None]:
     """Return the laws at the threshold, last that of a general perturbation, and the criticality of all families together."""
     rows, selected = given
     laws = []
     for perturbation, rate, power in rows:
-        sign = reckoning.sign(rate, largest)
-        exponent = "-1" if power == -1 else "-1/2"
+        sign, exponent = setting.sign_of_coefficient(rate), "-1" if power == -1 else "-1/2"
         if sign == 0:
-            warnings.append(f"the cubic coefficient of {perturbation} states has a vanishing real part: the next order decides")
-            laws.append(Law(perturbation=perturbation, decays=None, prefactor=None, exponent=exponent))
-            continue
-        prefactor, _ = reckoning.printed(1 / abs(rate) if power == -1 else (1 / abs(rate)).sqrt(), arb(0), arb(1))
-        laws.append(Law(perturbation=perturbation, decays=sign < 0, prefactor=prefactor, exponent=exponent))
-    if transcritical:  # perturbations of one sign decay, of the other grow
-        law = laws[0]
-        toward, away = ("positive", "negative") if law.decays else ("negative", "positive")
-        return tuple(Law(perturbation=name, decays=name == toward, prefactor=law.prefactor, exponent="-1") for name in (toward, away)), "transcritical"
+            warnings.append(f"the coefficient that rules {perturbation} perturbations has a vanishing real part: the next order decides")
+        prefactor = None if sign == 0 else setting.positive(1 / abs(rate) if power == -1 else (1 / abs(rate)).sqrt())
+        laws.append(Law(perturbation=perturbation, decays=None if sign == 0 else sign < 0, prefactor=prefactor, exponent=exponent))
+    if setting.transcritical:  # A of one sign decays, of the other grows
+        toward, away = ("positive", "negative") if laws[0].decays else ("negative", "positive")
+        return tuple(replace(laws[0], perturbation=name, decays=decays) for name, decays in ((toward, True), (away, False))), "transcritical"
+    verdicts = {law.decays for law in laws}
     if len(laws) == 2:
-        sign = reckoning.sign(selected, largest)
+        planar, circular = laws
+        sign = setting.sign_of_coefficient(selected)
         if sign == 0:
             warnings.append("the real part of the coefficient of dot(A,A)*conj(A) vanishes: neither beating nor whirling is selected at this order, and ellipses that turn are states too")
-            whole = laws[1] if laws[0].decays == laws[1].decays else Law(perturbation="", decays=None, prefactor=None, exponent="-1/2")
-        else:
-            whole = laws[1] if sign < 0 else laws[0]
-        laws.append(Law(perturbation="general", decays=whole.decays, prefactor=whole.prefactor, exponent=whole.exponent))
-    verdicts = {law.decays for law in laws}
+        laws.append(replace(circular if sign <= 0 else planar, perturbation="general"))  # alpha_r = 0: both have the same law
     return tuple(laws), "subcritical" if False in verdicts else None if None in verdicts else "supercritical"
 
 
-def state_of(name: str, function: Any, c: Mapping[str, tuple[arb, arb]], mu: arb, reckoning: Reckoning, growth: arb, largest: arb, transcritical: bool,
-             laws: Sequence[Law], warnings: list[str]) -> State:
-    """Return one state as numbers."""
-    values = function(c, mu)
-    trivial = isinstance(values["nonlinear"], int)
-    scale = growth * abs(mu)
-    criticality = None
-    exists = trivial
-    if not trivial:
-        sign = reckoning.sign(values["nonlinear"], largest)
+def state_of(name: str, values: Mapping[str, Any], setting: Setting, decays: bool | None, warnings: list[str]) -> State:
+    """Return one state as numbers; `decays` tells what becomes of a general perturbation at the threshold."""
+    criticality, exists, at_threshold = None, name in TRIVIAL, setting.mu == 0
+    if not exists:
+        sign = setting.sign_of_coefficient(values["nonlinear"])
         if sign == 0:
             warnings.append(f"{name}: the real part of its coefficient vanishes; whether it exists is decided by the next order")
         else:
-            criticality = "transcritical" if transcritical else "supercritical" if sign < 0 else "subcritical"
-            exists = mu != 0 and values["amplitude_squared"] > 0
+            criticality = "transcritical" if setting.transcritical else "supercritical" if sign < 0 else "subcritical"
+            exists = not at_threshold and values["amplitude_squared"] > 0
     if not exists:
         return State(name=name, exists=False, criticality=criticality, amplitude_squared=None, peak=None, frequency_correction=None, eigenvalues=(), stable=None)
-    size = arb(values["amplitude_squared"])
-    eigenvalues, verdicts = [], []
+    eigenvalues, signs = [], []
     for real, imaginary, direction, neutral in values["eigenvalues"]:
-        text_re, text_im = reckoning.printed(real, imaginary, scale)
-        eigenvalues.append(Eigenvalue(re=text_re, im=text_im, direction=direction, neutral=neutral or ("threshold" if mu == 0 else None)))
-        if not neutral:
-            verdicts.append(0 if mu == 0 else reckoning.sign(arb(real), scale))
-    stable = all(verdict < 0 for verdict in verdicts)
-    if mu == 0:
-        stable = all(law.decays for law in laws[-1:]) if not transcritical else False
-    elif 0 in verdicts and 1 not in verdicts:
-        warnings.append(f"{name}: an eigenvalue has a vanishing real part; its stability is decided by the next order")
-        stable = None  # type: ignore[assignment]
+        re_text, im_text = setting.rate(real, imaginary)
+        eigenvalues.append(Eigenvalue(re=re_text, im=im_text, direction=direction, neutral=neutral or ("threshold" if at_threshold else None)))
+        if not neutral and not at_threshold:
+            signs.append(setting.reckoning.sign(real, setting.growth))
+    stable = decays if at_threshold else False if 1 in signs else None if 0 in signs else True
+    if stable is None:
+        warnings.append(f"{name}: its stability is decided by the next order")
     return State(
-        name=name, exists=True, criticality=criticality, amplitude_squared=reckoning.printed(size, arb(0), arb(1))[0], peak=reckoning.printed(arb(values["peak_squared"]).sqrt(), arb(0), arb(1))[0],
-        frequency_correction=reckoning.printed(values["frequency_correction"], arb(0), scale)[0], eigenvalues=tuple(eigenvalues), stable=stable,
+        name=name, exists=True, criticality=criticality, amplitude_squared=setting.positive(values["amplitude_squared"]), peak=setting.positive(arb(values["peak_squared"]).sqrt()),
+        frequency_correction=setting.rate(values["frequency_correction"])[0], eigenvalues=tuple(eigenvalues), stable=stable,
     )

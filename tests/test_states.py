@@ -318,6 +318,15 @@ def test_a_float_is_no_exact_mu(filament_text):
         evaluate_states(derivation_of("follower_force").emit(), filament_text, 1, 0)
 
 
+def test_texts_of_the_wrong_kind_and_digits_out_of_reach_are_said(filament_text, monkeypatch):
+    form = emitted_form("vector", ((-9, 0), (9, 0), (5, 0)))
+    with pytest.raises(EvaluationError, match="expected its text"):
+        evaluate_states(form, "x = 1\n")
+    monkeypatch.setattr("numerics.states.GUARDS", (8,))
+    with pytest.raises(EvaluationError, match="15 digits of the states are not reached"):
+        evaluate_states(form, filament_text)
+
+
 @pytest.mark.parametrize("name", ["follower_force", "van_der_pol", "swift_hohenberg", "vec_pitch", "fisher"])
 def test_latex_of_the_states(name):
     target = name if not (PROBLEMS / f"{name}.py").exists() else str(PROBLEMS / f"{name}.py")
@@ -374,3 +383,9 @@ def test_check_covers_every_published_number_of_states_and_spectrum(name, count)
     assert comparison.agrees
     wrong = [dict(entry, printed=entry["printed"][:-1] + ("1" if entry["printed"][-1] != "1" else "3")) for entry in reference["state"]]
     assert not any(line.agrees for line in compared(derivation_of(name), result_of(name), reference | {"state": wrong}).lines[-count:])
+
+
+def test_an_operator_that_is_no_polynomial_in_the_growth_rate_is_refused():
+    form = emitted_form("scalar", ((-9, 0), (5, 0))) | {"critical": lambda a: Operator(matrix=((a.control - a.i * a.frequency + 1 / (a.frequency + 9),),))}
+    with pytest.raises(EvaluationError, match="no polynomial in the growth rate"):
+        growth_rates(form, 0.0)
