@@ -230,8 +230,9 @@ def reproduce(target: str, out: str | None, digits: int) -> int:
 def states(target: str, mu: str, digits: int, as_json: bool, as_latex: bool) -> None:
     """All states of the amplitude equation and their stability."""
     from derive.states import derive_states
-    from numerics.states import evaluate_states
+    from numerics.states import evaluate_states, exact_number
 
+    exact_number(mu)
     derivation = derived(target)
     found = derive_states(derivation)
     if as_latex:

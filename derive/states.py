@@ -29,6 +29,7 @@ NU = Symbol("nu", real=True)
 SIGMA = Symbol("sigma")
 MAGNITUDE = Symbol("size", positive=True)  # |A| of the state; of a real scalar A itself
 TURN = Symbol("turn")  # e^{i theta}: its conjugate is 1/E
+COSINE, SINE = symbols("turn_cos turn_sin", real=True)  # of 2 theta
 SQUARE, AREA = symbols("square surface", real=True)  # |A|^2 and |B| = |A* x A|
 DOT, DOT_BAR = symbols("dot dot_bar")  # A.A and its conjugate
 A1, A2, C1, C2 = symbols("A1 A2 C1 C2")  # components of A and of conj(A), independent as in Wirtinger's calculus
@@ -262,18 +263,13 @@ def families(equation: Equation) -> tuple[tuple[str, Matrix], ...]:
     DerivationError
         The equation is not of the form for which these are all.
     """
-    A, C = amplitudes(equation)
-    rate = equation.rate(A, C)
     if equation.dimension == 1:
-        if cancel(rate[0] / A[0]).as_numer_denom()[1] != 1:
-            raise DerivationError("states: found a right-hand side that is no multiple of the amplitude")
         return (("cycle", Matrix([MAGNITUDE * TURN])),) if equation.is_complex else (("branch", Matrix([MAGNITUDE])),)
-    # A x (steady equation): what is left must be alpha (A.A) (A x A*), of which one factor vanishes
-    left = expand(cross(A, rate))
     if not equation.is_complex:
-        if left != 0:
-            raise DerivationError("states: found a right-hand side that is not parallel to the amplitude")
         return (("branch", Matrix([MAGNITUDE, 0])),)
+    # A x (steady equation): what is left must be alpha (A.A) (A x A*), of which one factor vanishes
+    A, C = amplitudes(equation)
+    left = expand(cross(A, equation.rate(A, C)))
     alpha = next(term for term in equation.terms if term.monomial == "dot(A,A)*conj(A)").value
     if expand(left - alpha * A.dot(A) * cross(A, C)) != 0:
         raise DerivationError("states: found a steady equation whose cross product with the amplitude has other factors than A.A and A x A*")
@@ -299,9 +295,6 @@ def linearised(equation: Equation, shape: Matrix, rotation: Expr) -> tuple[Matri
     P = rate.jacobian(A).xreplace(there) - rotation * eye(equation.dimension)
     Q = rate.jacobian(C).xreplace(there) if equation.is_complex else Matrix.zeros(equation.dimension)
     return P.applyfunc(expand), Q.applyfunc(expand)
-
-
-COSINE, SINE = symbols("turn_cos turn_sin", real=True)  # of twice the phase theta
 
 
 def real_system(equation: Equation, P: Matrix, Q: Matrix) -> Matrix:
@@ -407,10 +400,7 @@ def state_of(equation: Equation, name: str, shape: Matrix) -> State:
 def eigenvalues_of(equation: Equation, name: str, shape: Matrix, P: Matrix, Q: Matrix, unknown: Expr, size: Expr) -> tuple[Eigenvalue, ...]:
     """Return the eigenvalues, first those of perturbations along the state (x A with a number x), then the others."""
     reflected = shape.applyfunc(equation.conjugated)
-    if equation.is_complex:
-        along_P, along_Q = (expand(cancel(reflected.dot(value) / MAGNITUDE**2)) for value in (P * shape, Q * reflected))
-    else:
-        along_P, along_Q = expand(cancel(shape.dot(P * shape) / MAGNITUDE**2)), Integer(0)
+    along_P, along_Q = (expand(cancel(reflected.dot(value) / MAGNITUDE**2)) for value in (P * shape, Q * reflected))
     along = linear_roots(characteristic(equation, Matrix([along_P]), Matrix([along_Q])))
     across = list((Counter(linear_roots(characteristic(equation, P, Q))) - Counter(along)).elements())
     symmetries = neutral_symmetries(equation, shape, P, Q)

@@ -125,7 +125,7 @@ class StatesResult:
         return rf"$$\begin{{array}}{{llll}} & |A|^2 & \nu & \\ {rows} \end{{array}}$$"
 
 
-def exact(text: str) -> Fraction:
+def exact_number(text: str) -> Fraction:
     """Return an exact decimal or rational number, such as 1, 0.5, -3e-4 or 2/7."""
     fault = EvaluationError(f"mu: found {text!r}; expected an exact number such as 1, 0.5, -3e-4 or 2/7")
     if not re.fullmatch(r"[+-]?(\d+/\d+|(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,4})?)", text, re.ASCII) or len(text) > 4000:
@@ -155,7 +155,7 @@ def evaluate_states(emitted: str | Path | Mapping[str, Any], states: str, mu: st
     """
     if isinstance(digits, bool) or not isinstance(digits, int) or not 1 <= digits <= MOST_DIGITS:
         raise EvaluationError(f"digits: found {digits!r}; expected an integer from 1 to {MOST_DIGITS}")
-    distance = exact(mu if isinstance(mu, str) else str(mu) if type(mu) is int else repr((mu,)))  # a float is no exact number
+    distance = exact_number(mu if isinstance(mu, str) else str(mu) if type(mu) is int else repr((mu,)))  # a float is no exact number
     if "Emitted by `fredholm states`" not in states.split("\n", 1)[0]:
         raise EvaluationError("found a text that `States.emit` did not return; expected its text")
     module: dict[str, Any] = {"__name__": "emitted_states"}

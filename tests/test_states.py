@@ -14,12 +14,12 @@ from flint import acb, fmpq
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
+from derive import DerivationError
 from derive.cli import main
-from derive.report import compared
-from derive.states import derive_states
+from derive.states import FACTORS, analyse, derive_states, equation_of
 from numerics import EvaluationError, evaluate_states, first_complex_pair, growth_rates
 from numerics.algebra import Operator
-from numerics.comparison import reference_of
+from numerics.comparison import compare, further_values, reference_of
 
 # (10 alpha, 10 beta, 10 gamma) with every pattern of signs that matters; real and imaginary parts.
 PATTERNS = {
@@ -278,6 +278,15 @@ def test_a_transcritical_branch_exists_on_both_sides_and_exchanges_stability():
         assert result["branch"].eigenvalues[0].re.startswith("-2.0" if stable else "2.0")
 
 
+def test_the_hopf_bifurcation_of_the_lorenz_equations_is_subcritical():
+    """Known since McLaughlin and Martin (1975): an unstable cycle below the threshold, growth at it."""
+    target = str(PROBLEMS / "lorenz_hopf.py")
+    emitted, text = derivation_of(target).emit(), states_text(target)
+    below, there, above = (evaluate_states(emitted, text, mu) for mu in (-1, 0, 1))
+    assert below.criticality == "subcritical" and below["cycle"].exists and below["cycle"].stable is False and below["base"].stable is True
+    assert above["cycle"].exists is False and there["base"].stable is False and there.at_threshold[0].decays is False
+
+
 def test_weak_effects_are_left_out_and_said():
     target = str(PROBLEMS / "weak_iso.py")
     result = evaluate_states(derivation_of(target).emit(), states_text(target))
@@ -325,6 +334,12 @@ def test_texts_of_the_wrong_kind_and_digits_out_of_reach_are_said(filament_text,
     monkeypatch.setattr("numerics.states.GUARDS", (8,))
     with pytest.raises(EvaluationError, match="15 digits of the states are not reached"):
         evaluate_states(form, filament_text)
+
+
+def test_an_equation_with_other_families_is_refused(monkeypatch):
+    monkeypatch.setattr("derive.states.FACTORS", FACTORS | {"dot(A,conj(A))*A": ("A", "A*", "A*")})
+    with pytest.raises(DerivationError, match="other factors"):
+        analyse(equation_of("complex vector", [(monomial, monomial) for monomial in MONOMIALS["vector"]]))
 
 
 @pytest.mark.parametrize("name", ["follower_force", "van_der_pol", "swift_hohenberg", "vec_pitch", "fisher"])
@@ -377,12 +392,19 @@ def test_where_there_is_no_merging_it_is_said(target, said):
 @pytest.mark.parametrize(("name", "count"), [("follower_force", 5), ("follower_force_planar", 3), ("van_der_pol", 2)])
 def test_check_covers_every_published_number_of_states_and_spectrum(name, count):
     reference = reference_of(name)
-    comparison = compared(derivation_of(name), result_of(name), reference)
+    further = further_values(reference, derivation_of(name).emit(), states_text(name))
+    comparison = compare(result_of(name), reference, further)
     names = [entry["name"] for entry in reference["state"]]
     assert len(names) == count and [line.name for line in comparison.lines][-count:] == names
     assert comparison.agrees
     wrong = [dict(entry, printed=entry["printed"][:-1] + ("1" if entry["printed"][-1] != "1" else "3")) for entry in reference["state"]]
-    assert not any(line.agrees for line in compared(derivation_of(name), result_of(name), reference | {"state": wrong}).lines[-count:])
+    assert not any(line.agrees for line in compare(result_of(name), reference | {"state": wrong}, further).lines[-count:])
+    assert not compare(result_of(name), reference, {}).agrees
+
+
+def test_the_check_command_compares_states_too():
+    done = run("check", "van_der_pol")
+    assert done.exit_code == 0 and "cycle.peak" in done.stdout and "DISAGREES" not in done.stdout
 
 
 def test_an_operator_that_is_no_polynomial_in_the_growth_rate_is_refused():
