@@ -10,5 +10,6 @@ from derive.problem import (
     load_problem,
     vector_field,
 )
+from derive.states import States, derive_states
 
-__all__ = ["Derivation", "DerivationError", "Problem", "ProblemError", "derive_amplitude_equation", "epsilon", "field", "load_problem", "vector_field"]
+__all__ = ["Derivation", "DerivationError", "Problem", "ProblemError", "States", "derive_amplitude_equation", "derive_states", "epsilon", "field", "load_problem", "vector_field"]

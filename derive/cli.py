@@ -200,7 +200,8 @@ def coefficients(target: str, digits: int, route: str, certify: bool, as_json: b
 @click.option("--digits", default=15, show_default=True, type=int)
 def check(targets: tuple[str, ...], digits: int) -> int:
     """Compare with published values; exit 1 on a disagreement."""
-    from numerics.comparison import compare, reference_of
+    from derive.report import compared
+    from numerics.comparison import reference_of
 
     agree = True
     for target in targets:
@@ -209,10 +210,9 @@ def check(targets: tuple[str, ...], digits: int) -> int:
             click.echo(f"{target}: no published values")
             continue
         derivation, result = coefficients_of(target, digits, "auto", False)
-        comparison = compare(result, reference)
+        comparison = compared(derivation, result, reference)
         click.echo(comparison.text())
         agree = agree and comparison.agrees
-        del derivation
     return 0 if agree else 1
 
 
@@ -226,6 +226,29 @@ def reproduce(target: str, out: str | None, digits: int) -> int:
 
     say: Callable[[str], None] = lambda text: click.echo(text, err=True) if sys.stderr.isatty() else None  # noqa: E731
     return run(loaded(target), Path(out) if out else None, digits, say, click.echo)
+
+
+@main.command()
+@click.argument("target")
+@click.option("--mu", default="1", show_default=True, help="Distance control - threshold, an exact decimal or rational number.")
+@click.option("--digits", default=15, show_default=True, type=int, help="Significant digits.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@click.option("--latex", "as_latex", is_flag=True, help="Print the states in closed form, with proofs and stability, as LaTeX.")
+def states(target: str, mu: str, digits: int, as_json: bool, as_latex: bool) -> None:
+    """All states of the amplitude equation and their stability."""
+    from derive.states import derive_states
+    from numerics.states import evaluate_states, exact_number
+
+    exact_number(mu)
+    derivation = derived(target)
+    found = derive_states(derivation)
+    if as_latex:
+        click.echo(found.latex())
+        return
+    result = evaluate_states(derivation.emit(), found.emit(), mu, digits)
+    for warning in result.warnings:
+        click.echo(f"fredholm: warning: {warning}", err=True)
+    click.echo(json.dumps(result.as_dict()) if as_json else result.text())
 
 
 if __name__ == "__main__":

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from decimal import Decimal, localcontext
 from pathlib import Path
+from typing import Any
 
-from derive.derivation import derive_amplitude_equation
+from derive.derivation import Derivation, derive_amplitude_equation
 from derive.files import write_text
 from derive.latex import document
 from derive.problem import Problem
+from derive.states import derive_states
 from numerics.coefficients import Result, evaluate
-from numerics.comparison import compare, reference_of
+from numerics.comparison import Comparison, compare, further_values, reference_of
 from numerics.precision import EvaluationError
 
 
@@ -29,6 +31,13 @@ def agreeing_digits(one: Result, other: Result) -> int:
             if difference and size:
                 digits = min(digits, -(difference / size).adjusted() - 1)
     return digits
+
+
+def compared(derivation: Derivation, result: Result, reference: Mapping[str, Any]) -> Comparison:
+    """Return the comparison with every published number: threshold, coefficients, states and spectrum."""
+    if not reference.get("state"):
+        return compare(result, reference)
+    return compare(result, reference, further_values(reference, derivation.emit(), derive_states(derivation).emit()))
 
 
 def reproduce(problem: Problem, folder: Path | None, digits: int, say: Callable[[str], None], show: Callable[[str], None]) -> int:
@@ -52,7 +61,7 @@ def reproduce(problem: Problem, folder: Path | None, digits: int, say: Callable[
     best = next(iter(results.values()))
     agreement = {route: agreeing_digits(best, result) for route, result in results.items()}
     reference = reference_of(problem.name)
-    comparison = compare(best, reference) if reference else None
+    comparison = compared(derivation, best, reference) if reference else None
     data = {
         "problem": problem.name, "results": [result.as_dict() for result in results.values()], "agreeing_digits": agreement, "refused": refused,
         "comparison": comparison.as_dict() if comparison else None,

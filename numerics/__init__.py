@@ -2,5 +2,7 @@
 
 from numerics.coefficients import Result, evaluate
 from numerics.precision import EvaluationError
+from numerics.spectrum import Merging, first_complex_pair, growth_rates
+from numerics.states import StatesResult, evaluate_states
 
-__all__ = ["EvaluationError", "Result", "evaluate"]
+__all__ = ["EvaluationError", "Merging", "Result", "StatesResult", "evaluate", "evaluate_states", "first_complex_pair", "growth_rates"]

@@ -10,6 +10,8 @@ from importlib import resources
 from typing import Any
 
 from numerics.coefficients import Result
+from numerics.spectrum import first_complex_pair
+from numerics.states import evaluate_states
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,8 +63,26 @@ def reference_of(name: str) -> dict[str, Any] | None:
     return tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
 
 
-def compare(result: Result, reference: Mapping[str, Any]) -> Comparison:
-    """Return the comparison of a result with its published values."""
+def further_values(reference: Mapping[str, Any], emitted: str, states: str) -> dict[str, str]:
+    """Return what is computed of the published numbers of states (at mu = 1) and of the spectrum, by name.
+
+    Parameters
+    ----------
+    emitted, states
+        The texts that `Derivation.emit` and `States.emit` return.
+    """
+    names = {entry["name"] for entry in reference.get("state", ())}
+    found: dict[str, str] = {}
+    if "first_complex_pair.control" in names:
+        found["first_complex_pair.control"] = first_complex_pair(emitted).control
+    if any(not name.startswith("first_complex_pair") for name in names):
+        for state in evaluate_states(emitted, states).states:
+            found |= {f"{state.name}.{key}": value for key, value in state.as_dict().items() if isinstance(value, str)}
+    return found
+
+
+def compare(result: Result, reference: Mapping[str, Any], further: Mapping[str, str] | None = None) -> Comparison:
+    """Return the comparison of a result with its published values; with `further_values` also of states and spectrum."""
     found: dict[str, tuple[str, str]] = {"threshold.control": (result.threshold.control, "0")}
     if result.threshold.frequency is not None:
         found["threshold.frequency"] = (result.threshold.frequency, "0")
@@ -75,6 +95,8 @@ def compare(result: Result, reference: Mapping[str, Any]) -> Comparison:
             if key in entry:
                 label = entry["name"] if "printed_im" not in entry else f"{entry['name']} ({'real' if part == 0 else 'imaginary'} part)"
                 lines.append(line_of(label, entry[key], computed[part] if computed else "not computed", entry["label"], entry.get("caveat", "")))
+    for entry in reference.get("state", ()) if further is not None else ():
+        lines.append(line_of(entry["name"], entry["printed"], (further or {}).get(entry["name"], "not computed"), entry["label"], entry.get("caveat", "")))
     return Comparison(problem=result.problem, lines=tuple(lines), misprints=tuple(reference.get("misprint", ())))
 
 
