@@ -31,3 +31,11 @@ def test_the_main_job_of_the_readme_runs(tmp_path):
     words = command.split("&&")[1].split()
     assert words[0] == "fredholm"
     assert CliRunner().invoke(main, [*words[1:], "--out", str(tmp_path / "out"), "--digits", "15"]).exit_code == 0
+
+
+def test_every_command_of_the_readme_exists_with_its_options():
+    table = re.findall(r"^\| `fredholm (\w+)([^`]*)`", README, flags=re.M)
+    assert {name for name, _ in table} == set(main.commands)
+    for name, arguments in table:
+        known = {option for parameter in main.commands[name].params for option in parameter.opts}
+        assert set(re.findall(r"--[\w-]+", arguments)) <= known, name
