@@ -47,8 +47,8 @@ def assert_entry_holds(batch, place, result, loosest=1e-12):
         assert error <= 20 * loosest * max(abs(true), 1), one.name
 
 
-@pytest.mark.parametrize("name", ["follower_force", "follower_force_planar", "swift_hohenberg", "van_der_pol", "varcoef", "ff_gravity", "beck", "tipmass", "brus_pde", "lorenz_hopf", "sixth", "pipe",
-                                  "weak_iso", "weak_scalar", "ff_weak", "fisher", "robin", "layer"])
+@pytest.mark.parametrize("name", ["follower_force", "follower_force_planar", "swift_hohenberg", "van_der_pol", "varcoef", "beck", "tipmass", "brus_pde", "lorenz_hopf", "sixth", "pipe",
+                                  "weak_iso", "weak_scalar", "ff_weak", "fisher", "robin", *(pytest.param(name, marks=pytest.mark.slow) for name in ("layer", "ff_gravity"))])
 def test_nominal_values_agree_with_25_digits(name):
     text = emitted(name)
     assert_entry_holds(evaluate_batch(text), (), evaluate(text, digits=25))
@@ -56,12 +56,92 @@ def test_nominal_values_agree_with_25_digits(name):
 
 @pytest.mark.parametrize(("name", "boxes"), [
     ("ff_drag", {"delta": (0, 60), "kappa": (44, 72)}),
-    ("brus_pde", {"Dx": (2, 6)}),
-    ("lorenz_hopf", {"sg": (500, 900), "b": (100, 200)}),
+    ("brus_pde", {"D_x": (2, 6)}),
+    ("lorenz_hopf", {"sigma": (560, 720), "beta": (100, 200)}),
 ])
 def test_entries_agree_with_problems_stated_with_those_values(name, boxes):
     chooser = Random(11)
-    values = [{key: Rational(chooser.randint(*box), 64) for key, box in boxes.items()} for _ in range(4)]
+    values = [{key: Rational(chooser.randint(*box), 64) for key, box in boxes.items()} for _ in range(3)]
     batch = evaluate_batch(emitted(name), {key: np.array([float(one[key]) for one in values]) for key in boxes})
     for place, one in enumerate(values):
         assert_entry_holds(batch, place, at_values(name, **one))
+
+
+def test_the_shape_of_the_result_is_that_of_the_broadcast_parameters():
+    batch = evaluate_batch(emitted("lorenz_hopf"), {"sigma": np.linspace(9, 11, 3)[:, None], "beta": np.linspace(2.5, 2.9, 4)})
+    assert batch.control.shape == batch["mu*A"].shape == batch.reason.shape == batch.errors["mu*A"].shape == (3, 4)
+    assert (batch.reason == "").all()
+    # Hopf of the Lorenz equations at r = sigma (sigma + b + 3)/(sigma - b - 1), omega^2 = b (r + sigma)
+    sg, b = batch.parameters["sigma"], batch.parameters["beta"]
+    exact = sg * (sg + b + 3) / (sg - b - 1)
+    assert np.allclose(batch.control, exact, rtol=1e-13)
+    assert np.allclose(batch.frequency**2, b * (exact + sg), rtol=1e-12)
+
+
+def test_many_entries_are_those_computed_one_by_one():
+    text = emitted("ff_drag")
+    kappa = np.linspace(0.7, 1.1, 300)
+    batch = evaluate_batch(text, {"kappa": kappa})
+    assert (batch.reason == "").all()
+    for place in (0, 137, 299):
+        alone = evaluate_batch(text, {"kappa": kappa[place]})
+        for name in batch.coefficients:
+            assert abs(batch[name][place] - alone[name]) <= batch.errors[name][place] + alone.errors[name]
+
+
+@pytest.mark.parametrize(("name", "parameters", "words"), [
+    ("ff_drag", {"kappa": np.array([0.9, np.nan])}, "not finite"),
+    ("ff_drag", {"kappa": np.array([0.9, 0.05])}, "threshold"),  # the frequency goes to zero at kappa = 0.38, and with it the bifurcation
+    ("lorenz_hopf", {"sigma": np.array([10.0, 1.0])}, "threshold"),  # no Hopf bifurcation where sigma < b + 1
+])
+def test_where_there_is_none_the_entry_is_nan_with_a_reason(name, parameters, words):
+    batch = evaluate_batch(emitted(name), parameters)
+    assert batch.reason[0] == "" and words in batch.reason[1]
+    assert np.isfinite(batch.control[0])
+    assert np.isnan(batch.control[1]) and all(np.isnan(one[1]) for one in batch.coefficients.values()) and all(np.isnan(one[1]) for one in batch.errors.values())
+
+
+@pytest.mark.parametrize(("parameters", "words"), [
+    ({"nu": 1.0}, "found 'nu'; expected delta, kappa"),
+    ({"delta": "x"}, "expected real numbers"),
+    ({"delta": 1j}, "expected real numbers"),
+])
+def test_a_wrong_parameter_is_refused_by_name(parameters, words):
+    with pytest.raises(EvaluationError, match=words):
+        evaluate_batch(emitted("ff_drag"), parameters)
+
+
+def test_rules_integrate_and_read_polynomials_exactly():
+    rules = rules_of(12)
+    for power in range(12):
+        values = rules.nodes**power
+        assert np.allclose((values[:, None, :] @ rules.integrate)[:, 0], (rules.nodes ** (power + 1) - (-1) ** (power + 1)) / (power + 1), atol=2e-15)
+    assert np.allclose((rules.nodes**22 * rules.weights).sum(axis=1), 2 / 23, rtol=1e-14)
+
+
+def test_costs_of_one_evaluation_of_the_filament():
+    """One linear problem for each of the two modes, one integral a coefficient; two rounds of Newton's method find the threshold."""
+    evaluator = evaluator_of(emitted("follower_force"))
+    seen = []
+
+    class Counted(Doubles):
+        def __init__(self, **options):
+            super().__init__(**options)
+            seen.append(self.counts)
+
+    algebra = evaluator.algebra
+
+    def counted(control, frequency, points):
+        made = algebra(control, frequency, points)
+        seen.append(made.counts)
+        return made
+
+    evaluator.algebra = counted
+    try:
+        roots = evaluator.corrected(evaluator.start.control + 1e-7, evaluator.start.frequency, evaluator.nominal_point)
+        assert sum(one.get("criticality", 0) for one in seen) <= 3
+        seen.clear()
+        evaluator.values(roots, evaluator.nominal_point)
+        assert seen[0]["integrals"] <= 10 and seen[0].get("solves", 0) == 0
+    finally:
+        del evaluator.algebra
