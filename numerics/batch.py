@@ -313,6 +313,8 @@ class Evaluator:
             moved[:, k] += h
             slope = (self.residual(roots.control, roots.frequency, moved) - value) / h
             columns.append(self.newton_step(-slope, by_control, by_frequency))
+        if not columns:
+            return np.zeros((*value.shape, 0)), np.zeros((*value.shape, 0))
         return np.stack([one for one, _ in columns], axis=-1), np.stack([one for _, one in columns], axis=-1)
 
     def follow(self, points: Array) -> tuple[Roots, Array, Array]:
