@@ -247,7 +247,7 @@ class Evaluator:
     def choose_resolution(self) -> None:
         """Take the first resolution at which both rules agree as closely as any later one does, at the nominal values."""
         names = self.module.names
-        guess = np.full((2, 1), float(names["ONSET"][0])), np.full((2, 1), float(names["ONSET"][1] or 0))
+        self.onset = guess = np.full((2, 1), float(names["ONSET"][0])), np.full((2, 1), float(names["ONSET"][1] or 0))
         best: tuple[float, tuple[int, int], Roots, dict[str, Scale]] | None = None
         for resolution in RESOLUTIONS if self.ends else ((0, 1),):
             self.resolution, self.scales = resolution, {}
@@ -292,8 +292,10 @@ class Evaluator:
 
     def led(self, points: Array) -> Roots:
         """Return the roots at `points`, with ever smaller steps for those that need them."""
-        roots = self.travelled(points, 8)
-        for steps in (32, 128):
+        if (points == self.nominal_point).all():
+            return self.corrected(*(np.repeat(one, len(points), axis=1) for one in self.onset), points)
+        roots = self.travelled(points, 4)
+        for steps in (16, 64, 256):
             lost = np.flatnonzero(roots.reason != "")
             if not lost.size:
                 break
@@ -321,9 +323,9 @@ class Evaluator:
         """Return the roots of all entries, the indices of the entries that lead, and for each entry the leaders from the nearest on, shape (batch, 3)."""
         reach = np.abs(points - self.nominal_point).max(axis=0)
         scaled = (points - self.nominal_point) / np.where(reach > 0, reach, 1)
-        leaders = spread_out(scaled, LEADERS)
+        leaders = spread_out(scaled, min(len(points), max(8, min(LEADERS, len(points) // 64))))
         lead = self.led(points[leaders])
-        if len(points) <= LEADERS:
+        if len(leaders) == len(points):
             order = np.argsort(leaders)
             return lead.taken(order), leaders, order[:, None]
         near = nearest(scaled, scaled[leaders], 3)

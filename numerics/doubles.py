@@ -111,6 +111,44 @@ REACH = np.exp((special.gammaln(TERMS + 1) - 39) / TERMS)
 """norms for which so many terms leave less than e^-39"""
 
 
+def terms_for(matrix: Array) -> int:
+    """Return how many terms the exponential series of every matrix needs: the bound is the spectral radius of the largest moduli."""
+    bound = np.maximum.reduce(np.abs(matrix), axis=(0, 1))
+    for _ in range(4):
+        bound = bound @ bound
+    norm = 1.1 * float(np.add.reduce(bound, axis=-1).max()) ** (1 / 16)
+    return int(TERMS[min(int(np.searchsorted(REACH, norm)), TERMS.size - 1)]) if np.isfinite(norm) else 16
+
+
+def doubled(matrix: Array) -> Array:
+    """Return the powers of stacks of matrices, shape (2, terms, n, n, batch), by products of whole stacks: few calls, for small batches."""
+    terms, (batch, n) = terms_for(matrix), matrix.shape[1:3]
+    powers = np.empty((2, terms, batch, n, n), dtype=complex)
+    powers[:, 0], powers[:, 1] = np.eye(n), matrix
+    k = 2
+    while k < terms:
+        matrix = matrix @ matrix
+        np.matmul(powers[:, :min(k, terms - k)], matrix[:, None], out=powers[:, k:min(2 * k, terms)])
+        k *= 2
+    return np.ascontiguousarray(powers.transpose(0, 1, 3, 4, 2))
+
+
+def in_turn(operator: Operator, matrix: Array) -> Array:
+    """Return the same, one power after the other, over the entries that are not zero: few operations, for large batches."""
+    terms, (batch, n) = terms_for(matrix), matrix.shape[1:3]
+    powers = np.zeros((2, terms, n, n, batch), dtype=complex)
+    powers[:, 0, range(n), range(n)] = 1
+    entries = [[(j, np.ascontiguousarray(matrix[:, None, :, i, j])) for j, entry in enumerate(row) if not (isinstance(entry, int) and entry == 0)] for i, row in enumerate(operator.matrix)]
+    for k in range(terms - 1):
+        for i, row in enumerate(entries):
+            for place, (j, entry) in enumerate(row):
+                if place == 0:
+                    np.multiply(entry, powers[:, k, j], out=powers[:, k + 1, i])
+                else:
+                    powers[:, k + 1, i] += entry * powers[:, k, j]
+    return powers
+
+
 @cache
 def border(n: int) -> tuple[Array, Array]:
     """Return a fixed column and row of unit modulus that make a matrix of corank one regular when they border it."""
@@ -370,7 +408,7 @@ class Doubles(DoubleNumbers):
         """Return the flow, and the matrix of boundary rows and continuity for the constants of all panels."""
         if id(operator) not in self.flows:
             constant = not any(self.is_function(entry) for row in operator.matrix for entry in row)
-            flow = self.exponential(self.table(operator.matrix)) if constant else self.collocated(operator)
+            flow = self.exponential(operator) if constant else self.collocated(operator)
             self.flows[id(operator)] = (operator, flow, self.joined(operator, flow))
         return self.flows[id(operator)][1:]
 
@@ -390,41 +428,33 @@ class Doubles(DoubleNumbers):
             matrix[..., n * (j + 1):n * (j + 2), n * (j + 1):n * (j + 2)] = -start[:, :, j + 1]
         return matrix
 
-    def exponential(self, matrix: Array) -> Flow:
+    def exponential(self, operator: Operator) -> Flow:
         """Return exp(P (s - s_k)) as a power series about s_k on each panel."""
-        n = matrix.shape[-1]
-        square = matrix * self.half
-        powers = np.empty((2, 16, self.batch, n, n), dtype=complex)
-        powers[:, 0], powers[:, 1] = np.eye(n), square
-        for k in (2, 4, 8):  # P^k ... P^(2k - 1)
-            square = square @ square
-            np.matmul(powers[:, :k], square[:, None], out=powers[:, k:2 * k])
-        square = square @ square
-        norm = 1.1 * float(np.add.reduce(np.abs(square), axis=-1).max()) ** (1 / 16)
-        terms = int(TERMS[min(int(np.searchsorted(REACH, norm)), TERMS.size - 1)]) if np.isfinite(norm) else 16
-        while powers.shape[1] < terms:
-            k = powers.shape[1]
-            powers = np.concatenate([powers, powers[:, :min(k, terms - k)] @ square[:, None]], axis=1)
-            square = square @ square
+        matrix = self.table(operator.matrix) * self.half
+        powers = in_turn(operator, matrix) if self.batch >= 16 else doubled(matrix)
+        terms = powers.shape[1]
         at_ends, nodes, backwards = series_of(self.nodes, terms)
 
         def summed(weights: Array, sequence: Array) -> Array:
-            """Return sum_k weights[k] sequence[k]: real times complex."""
-            flat = np.ascontiguousarray(sequence).view(float).reshape(2, terms, -1)
+            """Return sum_k weights[k] sequence[k], batch last: real times complex."""
+            flat = sequence.view(float).reshape(2, terms, -1)
             return (weights @ flat).view(complex).reshape(2, weights.shape[1], *sequence.shape[2:])
 
-        ends = summed(at_ends, powers)
+        ends = summed(at_ends, powers).transpose(0, 4, 1, 2, 3)
 
-        def through(sign: int) -> Callable[[Array], Array]:
+        def through(weights: Array) -> Callable[[Array], Array]:
             def apply(values: Array) -> Array:
-                if values.ndim == 4:  # constants: the powers act on the vector
-                    sequence = powers @ values.swapaxes(-1, -2)[:, None]
-                    return summed(nodes, sequence).transpose(0, 2, 4, 1, 3)  # type: ignore[no-any-return]
-                table = summed(nodes if sign > 0 else backwards, powers).swapaxes(1, 2)
-                return (table[:, :, None] @ values[..., None])[..., 0]  # type: ignore[no-any-return]
+                if values.ndim == 4 and self.panels == 1:  # constants: the powers act on the vector
+                    columns = values[:, :, 0].transpose(0, 2, 1)
+                    sequence = powers[:, :, :, 0] * columns[:, None, None, 0]
+                    for j in range(1, columns.shape[1]):
+                        sequence += powers[:, :, :, j] * columns[:, None, None, j]
+                    return summed(weights, sequence).transpose(0, 3, 1, 2)[:, :, None]  # type: ignore[no-any-return]
+                table = summed(weights, powers).transpose(0, 4, 1, 2, 3)
+                return (table[:, :, None] @ (values[:, :, :, None] if values.ndim == 4 else values)[..., None])[..., 0]  # type: ignore[no-any-return]
             return apply
 
-        return Flow(start=ends[:, 0, :, None], finish=ends[:, 1, :, None], apply=through(1), unapply=through(-1))
+        return Flow(start=ends[:, :, 0:1], finish=ends[:, :, 1:2], apply=through(nodes), unapply=through(backwards))
 
     def collocated(self, operator: Operator) -> Flow:
         """Return the fundamental matrix that is 1 at the left end of each panel, for coefficients that depend on s."""
