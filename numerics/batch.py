@@ -20,7 +20,7 @@ from numerics.doubles import Array, DoubleNumbers, Doubles, Scale, largest_of
 from numerics.precision import EvaluationError
 
 EPSILON = float(np.finfo(float).eps)
-CHUNK = 128
+CHUNK = 256
 LEADERS = 64
 RESOLUTIONS = ((20, 1), (24, 1), (28, 1), (32, 1), (24, 2), (32, 2), (28, 3), (32, 4), (32, 6), (32, 9), (32, 14), (32, 20))
 SAFETY = 8.0

@@ -11,6 +11,7 @@ is collocated in integrated form (unknown slopes v, y = y_left + J v). Nothing i
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -133,10 +134,30 @@ def doubled(matrix: Array) -> Array:
     return np.ascontiguousarray(powers.transpose(0, 1, 3, 4, 2))
 
 
-def in_turn(operator: Operator, matrix: Array) -> Array:
+class Workspace(threading.local):
+    """Buffers of a thread, used again by the next algebra: fresh pages cost more than the arithmetic on them."""
+
+    def __init__(self) -> None:
+        self.buffers: dict[tuple[int, tuple[int, ...]], Array] = {}
+
+    def zeros(self, place: int, shape: tuple[int, ...]) -> Array:
+        """Return zeros in the buffer of the flow number `place` of an algebra."""
+        if (place, shape) not in self.buffers:
+            if len(self.buffers) > 12:
+                self.buffers.clear()
+            self.buffers[place, shape] = np.empty(shape, dtype=complex)
+        buffer = self.buffers[place, shape]
+        buffer.fill(0)
+        return buffer
+
+
+_WORKSPACE = Workspace()
+
+
+def in_turn(operator: Operator, matrix: Array, place: int) -> Array:
     """Return the same, one power after the other, over the entries that are not zero: few operations, for large batches."""
     terms, (batch, n) = terms_for(matrix), matrix.shape[1:3]
-    powers = np.zeros((2, terms, n, n, batch), dtype=complex)
+    powers = _WORKSPACE.zeros(place, (2, terms, n, n, batch))
     powers[:, 0, range(n), range(n)] = 1
     entries = [[(j, np.ascontiguousarray(matrix[:, None, :, i, j])) for j, entry in enumerate(row) if not (isinstance(entry, int) and entry == 0)] for i, row in enumerate(operator.matrix)]
     for k in range(terms - 1):
@@ -431,7 +452,7 @@ class Doubles(DoubleNumbers):
     def exponential(self, operator: Operator) -> Flow:
         """Return exp(P (s - s_k)) as a power series about s_k on each panel."""
         matrix = self.table(operator.matrix) * self.half
-        powers = in_turn(operator, matrix) if self.batch >= 16 else doubled(matrix)
+        powers = in_turn(operator, matrix, len(self.flows)) if self.batch >= 16 else doubled(matrix)
         terms = powers.shape[1]
         at_ends, nodes, backwards = series_of(self.nodes, terms)
 
