@@ -204,7 +204,7 @@ def measure(problem: str, route: Route, reference: Values) -> Measurement:
         return Measurement(problem=problem, route=route.name, family=route.family, cold=float("nan"), warm=float("nan"), true_error=float("nan"), claimed_error=None, memory=0, failures=(),
                            refusal=" ".join(str(refusal).split()))
     cold = time.process_time() - begun
-    seconds = []
+    seconds: list[float] = []
     spent = 0.0
     while len(seconds) < 3 and spent + cold < 4 * PATIENCE or spent < PATIENCE / 10 and len(seconds) < 50:
         begun = time.process_time()

@@ -177,6 +177,19 @@ def border(n: int) -> tuple[Array, Array]:
     return np.exp(1j * angles[0]), np.exp(1j * angles[1])
 
 
+def each_solved(matrix: Array, right: Array) -> Array:
+    """Return matrix^-1 right; NaN where a matrix is singular."""
+    try:
+        return np.linalg.solve(matrix, right)[..., 0]  # type: ignore[no-any-return]
+    except np.linalg.LinAlgError:
+        result = np.full(matrix.shape[:-1], np.nan, dtype=complex)
+        every = np.broadcast_to(right, (*matrix.shape[:-1], 1))
+        for place in np.ndindex(matrix.shape[:2]):
+            with suppress(np.linalg.LinAlgError):
+                result[place] = np.linalg.solve(matrix[place], every[place])[..., 0]
+        return result
+
+
 def solved(matrix: Array, right: Array) -> Array:
     """Return matrix^-1 right for stacks of matrices and vectors, rows and columns scaled to unit size; the second rule takes the rows in reverse order.
 
@@ -188,13 +201,7 @@ def solved(matrix: Array, right: Array) -> Array:
     matrix /= rows
     right = right[..., None] / rows
     matrix[1], right[1] = matrix[1, :, ::-1].copy(), right[1, :, ::-1].copy()
-    try:
-        result = np.linalg.solve(matrix, right)[..., 0]
-    except np.linalg.LinAlgError:
-        result = np.full(right.shape[:-1], np.nan, dtype=complex)
-        for place in np.ndindex(matrix.shape[:2]):
-            with suppress(np.linalg.LinAlgError):
-                result[place] = np.linalg.solve(matrix[place], right[place])[..., 0]
+    result = each_solved(matrix, right)
     result /= columns[..., 0, :]
     return result
 
@@ -204,7 +211,8 @@ def bordered(matrix: Array, row: Array) -> Array:
     n = matrix.shape[-1]
     result = np.empty((*matrix.shape[:2], n + 1, n + 1), dtype=complex)
     result[..., :n, :n] = matrix
-    result[..., :n, n] = border(n)[0] * np.maximum.reduce(np.abs(matrix), axis=-1)
+    size = np.maximum.reduce(np.abs(matrix), axis=-1)
+    result[..., :n, n] = border(n)[0] * np.maximum(size, 1e-12 * size.max(axis=-1, keepdims=True) + 1e-300)  # a row may vanish at the threshold
     result[..., n, :n] = row
     result[..., n, n] = 0
     return result
@@ -240,10 +248,7 @@ def null_pair(matrix: Array, scale: Scale) -> tuple[Array, Array]:
     result[1] = result[1, :, ::-1].copy()
     right = np.zeros((2, 1, n + 1, 1), dtype=complex)
     right[0, :, n], right[1, :, 0] = 1, 1
-    try:
-        solution = np.linalg.solve(result, right)[..., 0]
-    except np.linalg.LinAlgError:
-        return np.full(matrix.shape[:-1], np.nan, dtype=complex), np.full(matrix.shape[:2], np.nan, dtype=complex)
+    solution = each_solved(result, right)
     return solution[..., :n] / scale.columns, solution[..., n]
 
 
@@ -490,9 +495,9 @@ class Doubles(DoubleNumbers):
         system = -(table[..., :, :, None, :] * integrate[:, None, None, :, None, :, None]).reshape(2, self.batch, p, m * n, m * n)
         system[..., np.arange(m * n), np.arange(m * n)] += 1
         right = table.reshape(2, self.batch, p, m * n, n)
-        bad = ~np.isfinite(system).all(axis=(-2, -1))
+        bad = np.logical_not(np.isfinite(system).all(axis=(-2, -1)))
         system[bad] = np.eye(m * n)
-        slopes = np.linalg.solve(system, np.where(bad[..., None, None], 0, right)).reshape(2, self.batch, p, m, n * n)
+        slopes = np.linalg.solve(system, np.where(np.asarray(bad)[..., None, None], 0, right).astype(complex)).reshape(2, self.batch, p, m, n * n)
         slopes[bad] = np.nan
         one = np.eye(n)
         nodes = (integrate[:, None, None] @ slopes).reshape(2, self.batch, p, m, n, n) + one

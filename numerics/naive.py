@@ -244,8 +244,8 @@ class Callable1:
         return Callable1(lambda x: self.at(x) ** power)
 
     def apply(self, name: str) -> Callable1:
-        """Return an elementary function of this one."""
-        return Callable1(lambda x: getattr(mpmath.mp, name)(self.at(x)) if not hasattr(self.at(x), "context") else getattr(self.at(x).context, name)(self.at(x)))
+        """Return an elementary function of this one, in the context of its values."""
+        return Callable1(lambda x: getattr(self.at(x).context, name)(self.at(x)))
 
 
 class Nested(Naive):
@@ -288,9 +288,19 @@ class Nested(Naive):
                 return [sum((entry.at(x) if hasattr(entry, "at") else entry) * value for entry, value in zip(row, y, strict=True)) for row in operator.matrix]
 
             solutions = [context.odefun(slope, context.mpf(0), [context.mpf(int(i == j)) for i in range(n)]) for j in range(n)]
-            return [[Callable1(lambda x, solution=solution, i=i: solution(x)[i]) for i in range(n)] for solution in solutions]
+            return [[component(solution, i) for i in range(n)] for solution in solutions]
         exponents, vectors = context.eig(context.matrix([[context.mpc(entry) for entry in row] for row in operator.matrix]))
-        return [[Callable1(lambda x, sigma=sigma, v=vectors[i, j]: v * context.exp(sigma * x)) for i in range(n)] for j, sigma in enumerate(exponents)]
+        return [[exponential(context, sigma, vectors[i, j]) for i in range(n)] for j, sigma in enumerate(exponents)]
+
+
+def component(solution: Callable[[Any], Any], i: int) -> Callable1:
+    """Return the i-th component of a vector function."""
+    return Callable1(lambda x: solution(x)[i])
+
+
+def exponential(context: Any, sigma: Any, factor: Any) -> Callable1:
+    """Return factor exp(sigma x)."""
+    return Callable1(lambda x: factor * context.exp(sigma * x))
 
 
 class NestedFiner(Nested):

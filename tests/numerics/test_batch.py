@@ -145,3 +145,48 @@ def test_costs_of_one_evaluation_of_the_filament():
         assert seen[0]["integrals"] <= 10 and seen[0].get("solves", 0) == 0
     finally:
         del evaluator.algebra
+
+
+HELD = """
+from sympy import *
+from derive import Problem, field
+t = symbols("t", real=True)
+a, b, omega, zero, m, k = symbols("a b omega zero m k")
+x = field("x", t)
+problem = Problem(name="held", time=t, control=m, control_range=(-1, 1), fields=(x,), equations=(x.diff(t) - m * x + (a - b) * x**2 + k * omega * x**3 + zero * x**4,),
+                  base_state={x: 0}, parameters={a: 2, b: 2, omega: 3, k: 1, zero: 0}, normalisation=(x, None))
+"""
+
+
+def test_names_are_the_users_and_what_the_text_does_not_hold_is_refused(write_problem):
+    text = derive_amplitude_equation(load_problem(write_problem(HELD))).emit()
+    batch = evaluate_batch(text, {"omega": np.array([3.0, 5.0]), "k": 2.0})
+    assert np.allclose(batch["A**3"], [-6, -10], rtol=1e-14) and batch["A**3"].dtype == float
+    for name in ("a", "b"):  # (a - b) x^2 vanishes at the nominal values and is left out of the emitted text
+        with pytest.raises(EvaluationError, match=f"holds at the nominal value of {name} only"):
+            evaluate_batch(text, {name: 1.0})
+    with pytest.raises(EvaluationError, match="zero is 0 in the problem"):
+        evaluate_batch(text, {"zero": 1.0})
+
+
+OVERTAKEN = """
+from sympy import *
+from derive import Problem, field
+t = symbols("t", real=True)
+m, a = symbols("m a")
+x, y, u, v = (field(name, t) for name in "xyuv")
+problem = Problem(name="overtaken", time=t, control=m, control_range=(-2, 2), fields=(x, y, u, v), parameters={a: Rational(1, 2)}, base_state={x: 0, y: 0, u: 0, v: 0}, normalisation=(x, None),
+                  equations=(x.diff(t) - m * x + FREQUENCY * y + x**3 + x * u, y.diff(t) - m * y - FREQUENCY * x + y**3, u.diff(t) - (m - a) * u + 2 * FREQUENCY * v + u**3, v.diff(t) - (m - a) * v - 2 * FREQUENCY * u))
+"""
+
+
+@pytest.mark.parametrize("problem", [OVERTAKEN.replace("FREQUENCY", "1"),
+                                     OVERTAKEN.replace("FREQUENCY", "0").replace("- m * y", "+ y").replace("- (m - a) * v", "+ v")])
+@pytest.mark.parametrize("count", [2, 200])
+def test_a_mode_that_is_overtaken_is_not_the_first_instability(write_problem, problem, count):
+    """The other mode is critical at m = a: first where a < 0."""
+    text = derive_amplitude_equation(load_problem(write_problem(problem))).emit()
+    a = np.linspace(0.5, -0.5, count)
+    batch = evaluate_batch(text, {"a": a})
+    assert all((why == "") == (value > 0) for why, value in zip(batch.reason, a, strict=True))
+    assert "first instability" in batch.reason[-1]
