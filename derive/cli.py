@@ -251,5 +251,39 @@ def states(target: str, mu: str, digits: int, as_json: bool, as_latex: bool) -> 
     click.echo(json.dumps(result.as_dict()) if as_json else result.text())
 
 
+@main.command()
+@click.argument("targets", nargs=-1)
+@click.option("--out", default=None, help="Folder for bench.json and the diagrams (SVG, PNG; needs matplotlib).")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of the table.")
+@click.option("--quick", is_flag=True, help="Leave the slow routes out.")
+def bench(targets: tuple[str, ...], out: str | None, as_json: bool, quick: bool) -> int:
+    """Speed against error of every route; exit 1 if a claimed error is below the true one."""
+    from importlib.util import find_spec
+
+    from derive.files import write_bytes
+    from numerics.bench import REFERENCE_DIGITS, Measurement, diagram, measure, reference_of, routes_of, table
+
+    if out is not None and find_spec("matplotlib") is None:
+        raise click.UsageError("--out: found no matplotlib, which draws the diagrams; install it, or leave --out away")
+    problems = [(derivation.problem.name, derivation.emit()) for derivation in map(derived, targets or ("follower_force", "heavy_column"))]
+    measurements: list[Measurement] = []
+    proved = {}
+    for name, text in problems:
+        reference, proved[name] = reference_of(text)
+        with click.progressbar(routes_of(text, quick), label=name, file=sys.stderr, hidden=not sys.stderr.isatty()) as routes:
+            measurements += [measure(name, route, reference) for route in routes]
+    plain = {"reference_digits": str(REFERENCE_DIGITS), "reference_certified": proved, "measurements": [one.as_dict() for one in measurements]}
+    click.echo(json.dumps(plain) if as_json else table(measurements, proved))
+    if out is not None:
+        write_text(Path(out) / "bench.json", json.dumps(plain, indent=1) + "\n")
+        for name, _ in problems:
+            for kind in ("svg", "png"):
+                write_bytes(Path(out) / f"{name}.{kind}", diagram(name, measurements, kind))
+    failed = [f"{one.problem}, {one.route}: {text}" for one in measurements for text in one.failures]
+    for text in failed:
+        click.echo(f"fredholm: claimed error below the true one: {text}", err=True)
+    return 1 if failed else 0
+
+
 if __name__ == "__main__":
     main()

@@ -306,6 +306,7 @@ def emit(derivation: Derivation) -> str:
         lines += ["WEAK_NAMES = {"] + [f'    "{text}": {quoted(titles[text])},' for text in sorted(titles)] + ["}"]
     else:
         lines += ["WEAK = ()"]
+    lines += parameter_lines(derivation)
     ends = ", ".join(printer.text(end) for end in formulation.interval) if formulation.interval else ""
     lines += ["", "", "def interval(a):", '    """Return the ends of the interval."""', f"    return ({ends})"] if spatial else []
     lines += ["", "", "def parameters(a):", '    """Return the values of the parameters."""', "    return {"]
@@ -350,6 +351,23 @@ def emit(derivation: Derivation) -> str:
     lines += consistency_lines("consistency", "What redundant equations demand at mu A, epsilon A and A**2: each must vanish.", reduction.linear_spare, derivation, printer)
     lines += consistency_lines("consistency_cubic", "What redundant equations demand of the responses and at third order: each must vanish.", reduction.spare, derivation, printer)
     return "\n".join([*lines, ""])
+
+
+def parameter_lines(derivation: Derivation) -> list[str]:
+    """Return what is to be known of parameters before their values are changed: names that are not the user's, zeros, values that terms vanish at."""
+    formulation = derivation.expansion.formulation
+    users = {new: old.name for old, new in formulation.user_symbols.items() if new in formulation.parameters}
+    renamed = {symbol.name: users[symbol] for symbol in formulation.parameters if symbol in users and users[symbol] != symbol.name}
+    zeros = sorted(old.name for old, new in formulation.user_symbols.items() if new == 0)
+    held = sorted(users.get(symbol, symbol.name) for symbol in formulation.probe.held)
+    lines = []
+    if renamed:
+        lines += ["PARAMETER_NAMES = {"] + [f'    "{name}": {quoted(title)},' for name, title in renamed.items()] + ["}"]
+    if zeros:
+        lines += ["PARAMETERS_ZERO = ("] + [f"    {quoted(name)}," for name in zeros] + [")"]
+    if held:
+        lines += ["PARAMETERS_FIXED = ("] + [f"    {quoted(name)}," for name in held] + [")"]
+    return lines
 
 
 def consistency_lines(name: str, title: str, spare: Sequence[tuple[str, str, Expr]], derivation: Derivation, printer: Printer) -> list[str]:

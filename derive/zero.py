@@ -24,6 +24,8 @@ class Probe:
     fixed: Mapping[Symbol, Expr]
     ranges: Mapping[Symbol, tuple[Expr, Expr]]
     cache: dict = field(default_factory=dict, compare=False, repr=False)
+    held: set = field(default_factory=set, compare=False, repr=False)
+    """parameters at whose value, and not elsewhere, an expression was found to vanish"""
 
     def is_zero(self, expression: Expr, extra: tuple[Symbol, ...] = ()) -> bool:
         """Tell whether the expression vanishes for every value of its symbols (parameters at their values)."""
@@ -50,7 +52,15 @@ class Probe:
             found_finite = True
             if abs(value) > 1e-100:
                 return False
+        if found_finite:
+            self.held.update(symbol for symbol in expanded.free_symbols & set(self.fixed) if self.depends(expanded, symbol))
         return found_finite
+
+    def depends(self, expression: Expr, symbol: Symbol) -> bool:
+        """Tell whether an expression that vanishes no longer does at another value of a parameter."""
+        moved = Probe(fixed={**self.fixed, symbol: self.fixed[symbol] * Rational(17, 16)}, ranges=self.ranges)
+        value = moved.value(expression, 0)
+        return value is None or abs(value) > 1e-30
 
     def value(self, expression: Expr, attempt: int) -> complex | None:
         """Return the expression at the random point number `attempt`, or None where it has no finite value."""

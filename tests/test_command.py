@@ -38,7 +38,7 @@ def test_a_mistake_is_one_line_and_status_2(arguments):
 
 def test_check_and_list():
     assert run("check", "follower_force").exit_code == 0
-    assert [line.split()[0] for line in run("list").stdout.splitlines()] == ["follower_force", "follower_force_planar", "swift_hohenberg", "van_der_pol"]
+    assert [line.split()[0] for line in run("list").stdout.splitlines()] == ["follower_force", "follower_force_planar", "heavy_column", "swift_hohenberg", "van_der_pol"]
 
 
 def test_derive_writes_and_check_shows_a_difference(tmp_path):
