@@ -18,7 +18,7 @@ from sympy.core.function import AppliedUndef
 
 from derive.amplitude import Coefficient
 from derive.harmonics import Harmonics, Monomial
-from derive.notation import Notation, added, half, joined, plain, primes
+from derive.notation import Notation, added, half, joined, monomial_text, plain, primes
 from derive.operator import FirstOrderOperator
 from derive.problem import DerivationError, ProblemError, epsilon
 from derive.restricted import RestrictedProblem, ScalarAdjoint, conjugate, restricted_problem, scalar_adjoint
@@ -649,7 +649,7 @@ class Writer:
         listed = list(reduction.coefficients)
         symbols = coefficient_symbols(listed)
         a = notation.amplitude
-        terms = added([("+", f"{symbols[one.identifier]} {self.monomial(one.monomial)}") for one in listed])
+        terms = added([("+", f"{symbols[one.identifier]} {monomial_text(one.monomial, a, notation.symbol['small'])}") for one in listed])
         rows = [rf"\frac{{\mathrm{{d}} {a}}}{{\mathrm{{d}} t}} &= {joined(terms, 5)}", rf"\mu &= {notation.control} - {{{notation.control}}}_{{c}}"]
         if reduction.weak:
             rows[0] += rf" + {notation.symbol['small']} \sum_{{i,j}} w_{{ij}} \left({a} \cdot \mathbf{{e}}_{{j}}\right) \mathbf{{e}}_{{i}}"
@@ -688,15 +688,6 @@ class Writer:
             if body != 0:
                 terms.append(("+", rf"\left[{joined(notation.sum(body), 99)}\right]_{{{notation.space} = {place}}}"))
         return joined(added(terms), 2) if terms else "0"
-
-    def monomial(self, monomial: str) -> str:
-        """Return a monomial of the amplitude equation."""
-        a, small = self.notation.amplitude, self.notation.symbol["small"]
-        table = {
-            "mu*A": rf"\mu {a}", "A**2*conj(A)": rf"\left|{a}\right|^{{2}} {a}", "A**2": f"{a}^{{2}}", "A**3": f"{a}^{{3}}", "epsilon*A": f"{small} {a}",
-            "dot(A,A)*conj(A)": rf"\left({a} \cdot {a}\right) {a}^{{*}}", "dot(A,conj(A))*A": rf"\left({a} \cdot {a}^{{*}}\right) {a}", "dot(A,A)*A": rf"\left({a} \cdot {a}\right) {a}",
-        }
-        return table[monomial]
 
 
 def is_linear(key: Term, half_order: int) -> bool:

@@ -240,3 +240,13 @@ def half(half_order: int) -> str:
 def plain(text: str) -> str:
     """Return text that is safe in LaTeX's text mode."""
     return re.sub(r"([_&%#$])", r"\\\1", text)
+
+
+def monomial_text(monomial: str, amplitude: str, small: str = r"\epsilon") -> str:
+    """Return a monomial of the amplitude equation."""
+    a = amplitude
+    table = {
+        "mu*A": rf"\mu {a}", "A**2*conj(A)": rf"\left|{a}\right|^{{2}} {a}", "A**2": f"{a}^{{2}}", "A**3": f"{a}^{{3}}", "epsilon*A": f"{small} {a}",
+        "dot(A,A)*conj(A)": rf"\left({a} \cdot {a}\right) {a}^{{*}}", "dot(A,conj(A))*A": rf"\left({a} \cdot {a}^{{*}}\right) {a}", "dot(A,A)*A": rf"\left({a} \cdot {a}\right) {a}",
+    }
+    return table[monomial]

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 from sympy import Add, Expr, Integer, Matrix, Mul, Poly, Symbol, expand, factor, factor_list, im, symbols
 from sympy import latex as sympy_latex
 
-from derive.latex import amplitude_term, display
+from derive.latex import display
+from derive.notation import monomial_text
 from derive.states import AREA, COSINE, DOT, MAGNITUDE, MU, NU, SIGMA, SINE, SQUARE, TURN, base_eigenvectors, characteristic, cross, dot_rate, invariant_rates, real_system
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ class Writer:
 def equation_rows(writer: Writer) -> list[str]:
     """Return the amplitude equation and the steady equation.          [label: steady amplitude]"""
     equation = writer.equation
-    dynamic = " + ".join(f"{writer.names[term.value]} {amplitude_term(term.monomial, writer.vector)}" for term in equation.terms)
+    dynamic = " + ".join(f"{writer.names[term.value]} {monomial_text(term.monomial, writer.amplitude)}" for term in equation.terms)
     rows = [rf"\frac{{d{writer.amplitude}}}{{dt}} &= {dynamic}"]
     steady = " + ".join(writer.with_coefficient(term, term.factors) for term in equation.terms)
     if equation.is_complex:
