@@ -361,6 +361,69 @@ def coefficient_gamma(a):
     return -total/xi(a)
 
 
+AMPLITUDES = ("A", "Ac")
+UNKNOWNS = (
+    ("x", ""),
+    ("z", ""),
+    ("theta", ""),
+    ("X", ""),
+    ("Z", ""),
+)
+NORMALISED = "x"
+
+
+@stage
+def base(a):
+    """The base state, unknown by unknown."""
+    F = a.control
+    s = a.s
+    return (
+        0,
+        s,
+        0,
+        0,
+        -F,
+    )
+
+
+@stage
+def fields_mode(a):
+    """The mode: exponents over AMPLITUDES, harmonic, and {unknown: function of s}."""
+    phi, phi_1, phi_2, _phi_3, phi_4, phi_5 = mode(a)
+    return (
+        ((1, 0), 1, {
+            0: phi,
+            1: phi_1,
+            2: phi_2,
+            3: phi_4,
+            4: phi_5,
+        }),
+    )
+
+
+@stage
+def fields_responses(a):
+    """The responses of second order: exponents over AMPLITUDES, harmonic, and {unknown: function of s}."""
+    w_A_A_x, w_A_A_z, w_A_A_theta, _w_A_A_theta_s, w_A_A_X, w_A_A_Z = response_A_A(a)
+    w_A_Ac_x, w_A_Ac_z, w_A_Ac_theta, _w_A_Ac_theta_s, w_A_Ac_X, w_A_Ac_Z = response_A_Ac(a)
+    return (
+        ((2, 0), 2, {
+            0: w_A_A_x,
+            1: w_A_A_z,
+            2: w_A_A_theta,
+            3: w_A_A_X,
+            4: w_A_A_Z,
+        }),
+        ((1, 1), 0, {
+            0: w_A_Ac_x,
+            1: w_A_Ac_z,
+            2: w_A_Ac_theta,
+            3: w_A_Ac_X,
+            4: w_A_Ac_Z,
+        }),
+    )
+
+
 def consistency(a):
     """What redundant equations demand at mu A, epsilon A and A**2: each must vanish."""
     return ()
