@@ -349,7 +349,7 @@ class Shapes:
         return fields
 
 
-def shapes_of(emitted: str | Path | Mapping[str, Any], result: Result, mu: float, order: str = "1", places: ArrayLike | None = None) -> Shapes:
+def shapes_of(emitted: str | Path | Mapping[str, Any], result: Result, mu: float, order: str = "1", places: ArrayLike = 101) -> Shapes:
     """Return the functions of s of the fields, right to about 1e-12 of their size at two resolutions.
 
     Parameters
@@ -358,7 +358,7 @@ def shapes_of(emitted: str | Path | Mapping[str, Any], result: Result, mu: float
         "1/2": base state and mode; "1": the responses of second order too. With an A**2 in the amplitude equation A is of the
         size of mu, and both are the same.
     places
-        Values of s; 101 of them, ends included, when left out.
+        Values of s, or how many of them, equally spaced with the ends.
     """
     if order not in ORDERS:
         raise EvaluationError(f"order: found {order!r}; expected one of {', '.join(ORDERS)}")
@@ -367,7 +367,7 @@ def shapes_of(emitted: str | Path | Mapping[str, Any], result: Result, mu: float
     with working_precision(96):
         ends = [float(arb(acb(end).real.mid())) for end in module.interval(probe)] if module.SPATIAL else [0.0, 0.0]
         frame = np.array([[float(acb(entry).real.mid()) for entry in row] for row in module.frame(probe)]) if module.MULTIPLICITY == 2 else np.eye(3)
-    where = np.linspace(*ends, 101) if places is None else np.atleast_1d(np.asarray(places, dtype=float))
+    where = np.linspace(*ends, places) if isinstance(places, int) else np.atleast_1d(np.asarray(places, dtype=float))
     where = where if module.SPATIAL else np.zeros(1)
     if not np.all((where >= ends[0]) & (where <= ends[1])):
         raise EvaluationError(f"places: found a place outside the interval; expected values from {ends[0]:g} to {ends[1]:g}")
