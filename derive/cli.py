@@ -9,7 +9,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -254,6 +254,50 @@ def simulate(target: str, initial: str, mu: float, until: float, out: str, order
         click.echo(f"fredholm: warning: slow phases at the end are known to {data.attributes['phase_error']:.1g} rad only", err=True)
     write_bytes(path, data.as_bytes(form))
     click.echo(path)
+
+
+@main.command()
+@click.argument("target")
+@click.option("--out", default=None, help="Folder to write to (default: NAME-figures).")
+@click.option("--format", "form", default="svg", show_default=True, type=click.Choice(["svg", "png", "pdf"]))
+@click.option("--only", default=None, help="One figure: growth, mode, bifurcation, transients, approach, decay, spacetime or animation.")
+def figures(target: str, out: str | None, form: str, only: str | None) -> None:
+    """Draw the figures of a problem: what does not apply to it is left out, and said."""
+    from derive.files import write_bytes
+    from numerics.figures import NAMES
+
+    if only is not None and only not in NAMES:
+        raise click.UsageError(f"--only: found {only!r}; expected one of {', '.join(NAMES)}")
+    derivation = derived(target)
+    folder = Path(out) if out else Path(f"{derivation.problem.name}-figures")
+    for name, content in drawn(derivation, form, (only,) if only else NAMES, only is not None):
+        write_bytes(folder / name, content)
+        click.echo(folder / name)
+
+
+def drawn(derivation: Derivation, form: str, names: Sequence[str], strict: bool) -> Iterator[tuple[str, bytes]]:
+    """Yield file name and content of each figure; one that does not apply is an error when `strict`, else a line on standard error."""
+    from derive.spectrum import spectrum_curves
+    from numerics.animation import animation_of, gif_of, page_of
+    from numerics.figures import Spectra, case_of, draw, saved
+
+    case = case_of(derivation.emit())
+    for name in names:
+        try:
+            if name == "animation":
+                animation = animation_of(case)
+                yield "animation.gif", gif_of(animation, case)
+                yield "animation.html", page_of(animation).encode("utf-8")
+                continue
+            spectra = None
+            if name == "growth":
+                curves = spectrum_curves(derivation)
+                spectra = Spectra(controls=curves.controls, eigenvalues=curves.eigenvalues, oscillation=curves.oscillation)
+            yield f"{name}.{form}", saved(draw(case, name, spectra), form)
+        except EvaluationError as reason:
+            if strict:
+                raise
+            click.echo(f"fredholm: {name} is left out: {one_line(reason)}", err=True)
 
 
 if __name__ == "__main__":

@@ -38,7 +38,7 @@ def spectrum_curves(derivation: Derivation, count: int = 61) -> SpectrumCurves:
     high = min(high, onset.control + (onset.control - low))
     with threadpool_limits(limits=1, user_api="blas"):
         start = onset_of_oscillation(spectrum, low, onset.control) if onset.kind == "hopf" else None
-        near = [] if start is None else start + (high - low) * np.linspace(-0.4, 0.4, 21) ** 3
+        near = np.zeros(0) if start is None else start + (high - low) * np.linspace(-0.4, 0.4, 21) ** 3
         controls = np.unique(np.concatenate([np.linspace(low, high, count), [onset.control], near]))
         controls = controls[(controls >= low) & (controls <= high)]
         rows = [leading(spectrum, float(control)) for control in controls]

@@ -41,6 +41,14 @@ FORMATS = ("svg", "png", "pdf")
 PERIODS = 8
 
 
+def styled() -> Any:
+    """Return the context in which figures are made: the style above over matplotlib's defaults, whatever the user has set."""
+    default: dict[Any, Any] = dict(matplotlib.rcParamsDefault)
+    kept: Any = {key: value for key, value in default.items() if not key.startswith(("backend", "interactive", "toolbar"))}
+    kept.update(STYLE)
+    return matplotlib.rc_context(kept)
+
+
 def symbol(name: str, extra: str = "") -> str:
     """Return a name as mathtext, `lambda_1` as a Greek letter with a subscript; `extra` joins the subscript."""
     stem, _, below = name.rstrip("_").partition("_")
@@ -202,12 +210,15 @@ def letter(axes: Axes, text: str) -> None:
 
 def growth_figure(case: Case, spectra: Spectra) -> Figure:
     """Return growth rate and frequency of the rightmost eigenvalues against the control, with F_o and F_c marked (label fig:linear)."""
-    figure = Figure(figsize=(4.6, 4.2), layout="constrained")
-    top, bottom = figure.subplots(2, 1, sharex=True)
+    fastest = float(np.nanmax(np.abs(spectra.eigenvalues[:, :2].imag)))
+    oscillates = fastest > 1e-6 * float(np.nanmax(np.abs(spectra.eigenvalues[:, :2])))
+    figure = Figure(figsize=(4.6, 4.2 if oscillates else 2.8), layout="constrained")
+    panels = figure.subplots(2 if oscillates else 1, 1, sharex=True, squeeze=False)[:, 0]
+    top, bottom = panels[0], panels[-1]
     tracks = joined(spectra.eigenvalues)
     for k in range(tracks.shape[1] - 1, -1, -1):
         leading = k < 2
-        for axes, values in ((top, tracks[:, k].real), (bottom, np.abs(tracks[:, k].imag))):
+        for axes, values in zip(panels, (tracks[:, k].real, np.abs(tracks[:, k].imag)), strict=False):
             axes.plot(spectra.controls, values, color=BLUE if leading else GREY, lw=1.5 if leading else 0.9)
     known = spectra.eigenvalues[:, :2].real
     low, high = np.nanmin(known), np.nanmax(known)
@@ -215,19 +226,18 @@ def growth_figure(case: Case, spectra: Spectra) -> Figure:
     span = high - low
     top.set_ylim(low - 0.12 * span, high + 0.08 * span)
     top.axhline(0, color=BLACK, lw=0.6)
-    shown = np.abs(spectra.eigenvalues[:, 0].imag)
-    bottom.set_ylim(-0.04 * max(np.nanmax(shown), 1e-30) if np.nanmax(shown) > 0 else -1, 1.08 * np.nanmax(shown) if np.nanmax(shown) > 0 else 1)
     marks = [(case.threshold, "c")] + ([(spectra.oscillation, "o")] if spectra.oscillation is not None else [])
     for place, name in marks:
-        for axes in (top, bottom):
+        for axes in panels:
             axes.axvline(place, color=RED if name == "c" else GREEN, lw=0.9, ls=":" if name == "c" else "--")
         label = rf"${symbol(case.module.CONTROL, name)} = {place:.5g}$"
         top.annotate(label, (place, 1), xycoords=("data", "axes fraction"), xytext=(0, 3), textcoords="offset points", ha="center", va="bottom", color=RED if name == "c" else GREEN)
-    if case.omega:
+    if oscillates:
+        bottom.set_ylim(-0.04 * fastest, 1.08 * fastest)
         bottom.plot([case.threshold], [case.omega], "o", ms=4, color=RED)
-        bottom.annotate(rf"$\omega = {case.omega:.5g}$", (case.threshold, case.omega), xytext=(-6, 6), textcoords="offset points", ha="right", color=RED)
-    top.set_ylabel(r"$\lambda_r$")
-    bottom.set_ylabel(r"$|\lambda_i|$")
+        bottom.annotate(rf"$\omega = {case.omega:.5g}$" if case.omega else "", (case.threshold, case.omega), xytext=(6, -6), textcoords="offset points", va="top", color=RED)
+        bottom.set_ylabel(r"$|\lambda_i|$")
+    top.set_ylabel(r"$\lambda_r$" if oscillates else r"$\lambda$")
     bottom.set_xlabel(rf"${symbol(case.module.CONTROL)}$")
     bottom.set_xlim(spectra.controls[0], spectra.controls[-1])
     return figure
@@ -252,7 +262,9 @@ def mode_figure(case: Case) -> Figure:
     r"""Return the critical mode: real and imaginary part of the functions of every field; without space, one period of each."""
     shapes = shapes_of(case.emitted, case.result, 0.0, "1/2", 201)
     names = [case.module.NORMALISED, *(name for name in shapes.fields if name != case.module.NORMALISED)]
-    panels = [(name, direction, values) for name in names for direction, values in mode_components(case, name, shapes.terms, shapes.unknowns)][:8]
+    known = [(name, direction, values) for name in names for direction, values in mode_components(name, shapes.terms, shapes.unknowns)]
+    largest = max(float(np.abs(values).max()) for _, _, values in known)
+    panels = [one for one in known if float(np.abs(one[2]).max()) > 1e-9 * largest][:8]
     columns = min(len(panels), 4)
     rows = -(-len(panels) // columns)
     figure = Figure(figsize=(max(3.4, 2.3 * columns), 2.5 * rows + 0.3), layout="constrained")
@@ -289,7 +301,7 @@ def mode_figure(case: Case) -> Figure:
     return figure
 
 
-def mode_components(case: Case, name: str, terms: Sequence[Any], unknowns: Sequence[tuple[str, str]]) -> list[tuple[str, NDArray[np.complex128]]]:
+def mode_components(name: str, terms: Sequence[Any], unknowns: Sequence[tuple[str, str]]) -> list[tuple[str, NDArray[np.complex128]]]:
     """Return the functions of a field in the mode, with the direction where it has one; for a vector amplitude along e1."""
     total = [np.zeros(1, dtype=complex)] * len(unknowns)
     for term in terms:  # A = e1: A_+ = A_- = 1
@@ -301,8 +313,7 @@ def mode_components(case: Case, name: str, terms: Sequence[Any], unknowns: Seque
         chosen = [(r"\mathbf{e}_1", e1), (r"\mathbf{e}_2", e2), (r"\mathbf{n}", parts["n"])]
     else:
         chosen = [(rf"\mathbf{{e}}_{component}" if component else "", values) for component, values in parts.items()]
-    largest = max(float(np.abs(values).max()) for values in parts.values())
-    return [(direction, values) for direction, values in chosen if float(np.abs(values).max()) > 1e-9 * largest and largest > 0]
+    return chosen
 
 
 # (3) the bifurcation diagram
@@ -414,7 +425,7 @@ def oscillating_transients(case: Case) -> Figure:
         letter(axes, "abcd"[k])
     panels[0].set_xlim(0, end / turn)
     panels[-1].set_xlabel(r"$\omega t/2\pi$")
-    figure.supylabel(case.scaled_by(rf"{field_symbol(case)}\cdot\mathbf{{e}}_1" if case.vector else f"{field_symbol(case)}-{field_symbol(case)}_0"), fontsize=10)
+    figure.supylabel(case.scaled_by(rf"{field_symbol(case)}\cdot\mathbf{{e}}_1" if case.vector else f"({field_symbol(case)}-{field_symbol(case)}_0)"), fontsize=10)
     handles, labels = panels[0 if not sub else 1].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper right", ncols=2)
     return figure
@@ -475,15 +486,15 @@ def approach_scene(case: Case) -> tuple[tuple[complex, ...], float, Motion, floa
     scale = np.sqrt(mu)
     start = (complex(nice(case.size / 3)), 1j * nice(case.size / 18))
     if state.name == "beating":
-        start = (complex(nice(case.size / 4)), 1j * nice(case.size / 5))
-    long = 400 / (case.gamma.real * mu)
+        start = (complex(nice(case.size / 3)), 0.7j * nice(case.size / 3))
+    long = 100 / (case.gamma.real * mu)
     motion = case.move([one * scale for one in start], mu, long)
     times = np.linspace(0, long, 40001)
     orbit = ellipse_of(motion.amplitude(times))
     shape = orbit.semi_minor / orbit.semi_major
     done = np.abs(modulus(motion.amplitude(times), True) / np.sqrt(state.share * mu) - 1) < 0.03
     done &= (shape > 0.97) if state.name == "whirling" else (shape < 0.03)
-    end = float(times[int(np.argmax(done))]) if done.any() else long
+    end = float(times[int(np.argmax(done))]) if done.any() else 12 / (case.gamma.real * mu)
     return start, mu, motion, end
 
 
@@ -530,7 +541,6 @@ def top_views(case: Case) -> Figure:
         axes.set_ylabel(case.scaled_by(rf"{field_symbol(case)}\cdot\mathbf{{e}}_2", False))
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=3)
-    figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02)  # type: ignore[union-attr]
     return figure
 
 
@@ -630,9 +640,11 @@ def decay_figure(case: Case) -> Figure:
     start = complex(-np.sign(k)) if case.transcritical else 1
     law = 1 / (rate * late) if case.transcritical else 1 / np.sqrt(rate * late)
     values = modulus(case.move(along(case, start), 0.0, float(times[-1])).amplitude(times), case.vector)
-    plane = r"$|\mathbf{A}|$, planar" if case.vector else "$|A|$"
+    plane = r"$|\mathbf{A}|$, planar" if case.vector and not case.steady else r"$|\mathbf{A}|$" if case.vector else "$|A|$"
     axes.loglog(times, values, color=BLACK, lw=2, label=plane)
-    formula = rf"$1/({rate:.4g}\,T)$" if case.transcritical else rf"$(-2{planar_name(case)}\,T)^{{-1/2}}$"
+    names = [coefficient_name(case, one.monomial) for one in case.result.coefficients if one.monomial != "mu*A" and not one.monomial.startswith("epsilon")]
+    named = rf"(-2{names[0]}\,T)^{{-1/2}}" if len(names) == 1 else rf"(-2({'+'.join(names)})\,T)^{{-1/2}}"
+    formula = rf"$({rate:.4g}\,T)^{{{-1 if case.transcritical else '-1/2'}}}$" if "" in names or case.transcritical else f"${named}$"
     axes.loglog(late, law, color=ORANGE, lw=1, ls="-", label=formula)
     general = case.vector and not case.steady and case.circular.real < 0 and case.values["dot(A,A)*conj(A)"].real < 0
     if general:
@@ -641,9 +653,10 @@ def decay_figure(case: Case) -> Figure:
         cross = 2 * np.abs((np.conj(amplitude[:, 0]) * amplitude[:, 1]).imag)
         beta = case.circular.real
         axes.loglog(times, modulus(amplitude, True), color=BLUE, lw=2, ls="-.", label=r"$|\mathbf{A}|$, not planar")
-        axes.loglog(late, 1 / np.sqrt(-2 * beta * late), color=SKY, lw=1, label=rf"$(-2{coefficient_name(case, 'dot(A,conj(A))*A')}_r\,T)^{{-1/2}}$")
+        law_of = rf"-2{names[1]}\,T" if names[1] else rf"{-2 * beta:.4g}\,T"
+        axes.loglog(late, 1 / np.sqrt(-2 * beta * late), color=SKY, lw=1, label=rf"$({law_of})^{{-1/2}}$")
         axes.loglog(times, cross, color=RED, lw=2, ls="--", label=r"$|\mathbf{B}| = |\mathbf{A}^*\times\mathbf{A}|$")
-        axes.loglog(late, -1 / (2 * beta * late), color=PURPLE, lw=1, label=rf"$(-2{coefficient_name(case, 'dot(A,conj(A))*A')}_r\,T)^{{-1}}$")
+        axes.loglog(late, -1 / (2 * beta * late), color=PURPLE, lw=1, label=rf"$({law_of})^{{-1}}$")
     axes.set_xlabel(r"$T$")
     axes.set_xlim(times[0], times[-1])
     bottom = 1e-6 if general else 1e-4 if case.transcritical else 1e-3
@@ -656,16 +669,10 @@ def decay_figure(case: Case) -> Figure:
 
 
 def coefficient_name(case: Case, monomial: str) -> str:
-    """Return the name of a coefficient as mathtext; `kappa` where the user gave none."""
+    """Return the real part of a coefficient as mathtext; empty where the user gave no name that is a letter."""
     name = case.result[monomial].name
-    return symbol(name) if name != monomial else r"\kappa"
-
-
-def planar_name(case: Case) -> str:
-    """Return the real part of the coefficient of planar motion as mathtext."""
-    names = [coefficient_name(case, one.monomial) for one in case.result.coefficients if one.monomial != "mu*A" and not one.monomial.startswith("epsilon")]
-    parts = [name if case.steady else rf"\mathrm{{Re}}\,{name}" if "_" in name else f"{name}_r" for name in names]
-    return parts[0] if len(parts) == 1 else f"({'+'.join(parts)})"
+    letter_like = name in GREEK or len(name) == 1 and name.isalpha()
+    return "" if not letter_like else symbol(name) if case.steady else f"{symbol(name)}_r"
 
 
 def inset_trajectory(case: Case, axes: Axes, scene: Sequence[complex], rate: float) -> None:
@@ -744,7 +751,7 @@ def draw(case: Case, name: str, spectra: Spectra | None = None) -> Figure:
     EvaluationError
         The figure does not apply to this problem; the message says why.
     """
-    with matplotlib.rc_context({**matplotlib.rcParamsDefault, **STYLE}):
+    with styled():
         if name == "growth":
             if spectra is None:
                 raise EvaluationError("figures: found no eigenvalues; the figure growth needs them")
@@ -757,7 +764,7 @@ def draw(case: Case, name: str, spectra: Spectra | None = None) -> Figure:
 def saved(figure: Figure, form: str) -> bytes:
     """Return a figure as the bytes of an SVG, PNG or PDF file: the same at every run, without a date."""
     memory = io.BytesIO()
-    metadata: dict[str, Any] = {"svg": {"Date": None, "Creator": "fredholm"}, "pdf": {"CreationDate": None, "Creator": "fredholm"}, "png": {"Software": "fredholm"}}[form]
-    with matplotlib.rc_context({**matplotlib.rcParamsDefault, **STYLE}):
-        figure.savefig(memory, format=form, metadata=metadata)
+    every: dict[str, Any] = {"svg": {"Date": None, "Creator": "fredholm"}, "pdf": {"CreationDate": None, "Creator": "fredholm"}, "png": {"Software": "fredholm"}}
+    with styled():
+        figure.savefig(memory, format=form, metadata=every[form])
     return memory.getvalue()
