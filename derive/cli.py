@@ -249,7 +249,8 @@ def simulate(target: str, initial: str, mu: float, until: float, out: str, order
     if form not in FORMATS:
         raise click.UsageError(f"--out: found {path.name!r}; expected a name that ends in .npz or .nc, or --format")
     scene = Scene(initial=parse_amplitude(initial), mu=mu, until=until)
-    data = run(derived(target).emit(), scene, Sampling(times=points, places=places, logarithmic=spacing == "log", order=order))
+    sampling = Sampling(times=points, places=places, logarithmic=spacing == "log", order=order)
+    data = run(derived(target).emit(), scene, sampling)
     if data.attributes["phase_error"] > 1e-3:
         click.echo(f"fredholm: warning: slow phases at the end are known to {data.attributes['phase_error']:.1g} rad only", err=True)
     write_bytes(path, data.as_bytes(form))

@@ -53,6 +53,13 @@ def circular_components(amplitude: ArrayLike) -> tuple[NDArray[np.complex128], N
     return np.where(np.abs(plus) <= size, 0, plus), np.where(np.abs(minus) <= size, 0, minus)
 
 
+def cross_product(amplitude: ArrayLike) -> NDArray[np.float64]:
+    r"""Return :math:`\mathrm{Im}(A_1^*A_2)`, half of :math:`|A\times A^*|` with a sign; exactly 0 where only rounding is left of it."""
+    first, second = np.moveaxis(np.asarray(amplitude, dtype=complex), -1, 0)
+    one, other = first.real * second.imag, first.imag * second.real
+    return np.where(np.abs(one - other) <= RESOLVED * (np.abs(one) + np.abs(other)), 0.0, one - other)
+
+
 def cartesian_components(plus: ArrayLike, minus: ArrayLike) -> NDArray[np.complex128]:
     """Return A = (A_1, A_2), shape (..., 2), from circular components."""
     plus, minus = np.asarray(plus, dtype=complex), np.asarray(minus, dtype=complex)
@@ -74,7 +81,8 @@ def ellipse_of(amplitude: ArrayLike) -> Ellipse:
     """
     plus, minus = circular_components(amplitude)
     p, q = np.abs(plus), np.abs(minus)
-    minor = np.where(np.abs(p - q) <= RESOLVED * (p + q), 0.0, p - q)
+    # |A_+|^2 - |A_-|^2 = -4 Im(A_1^* A_2), without cancellation near a line
+    minor = np.where((p == 0) | (q == 0), p - q, -4 * cross_product(amplitude) / np.where(p + q > 0, p + q, 1))
     oval = (p > 0) & (q > 0)
     twice = np.where(oval, np.angle(np.where(oval, plus * np.conj(minus), 1)), 0.0)
     sum_phase = np.where(oval, np.angle(np.where(oval, plus, 1)) + np.angle(np.where(oval, minus, 1)), np.angle(np.where(p > 0, plus, np.where(q > 0, np.conj(minus), 1))))

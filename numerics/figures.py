@@ -660,7 +660,7 @@ def decay_figure(case: Case) -> Figure:
     axes.set_xlabel(r"$T$")
     axes.set_xlim(times[0], times[-1])
     bottom = 1e-6 if general else 1e-4 if case.transcritical else 1e-3
-    axes.set_ylim(bottom, 3 if case.steady else 2e2 if general else 4e1)
+    axes.set_ylim(bottom, 3 if case.steady else 3e3 if general else 1e2)
     axes.legend(loc="lower left")
     if not case.steady:
         scene = (0.5, 0.5j * np.sqrt(3)) if general else along(case, 1)
@@ -678,7 +678,7 @@ def coefficient_name(case: Case, monomial: str) -> str:
 def inset_trajectory(case: Case, axes: Axes, scene: Sequence[complex], rate: float) -> None:
     """Draw the first turns of the decaying motion, scaled by epsilon^(1/2)."""
     epsilon = min(nice(17 * case.omega / (2 * pi * rate)), 0.5)
-    inset = axes.inset_axes((0.69, 0.61, 0.28, 0.31))
+    inset = axes.inset_axes((0.69, 0.63, 0.28, 0.30))
     turn = 2 * pi * epsilon / case.omega
     times = np.linspace(0, 8 * turn, 2400)
     amplitude = case.move(scene, 0.0, float(times[-1])).amplitude(times)

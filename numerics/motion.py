@@ -30,7 +30,7 @@ from scipy.integrate import solve_ivp
 
 from numerics.algebra import Algebra, Constants
 from numerics.coefficients import Module, Resolution, Result, builder, evaluate
-from numerics.ellipse import RESOLVED, cartesian_components, circular_components
+from numerics.ellipse import cartesian_components, circular_components, cross_product
 from numerics.precision import EvaluationError, working_precision
 from numerics.sampled import Samples, barycentric
 
@@ -51,30 +51,31 @@ class ScalarMotion:
     start: complex
     direction: tuple[complex, ...]
 
-    def denominator(self, times: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        r"""Return :math:`\log(1 - k_r y_0 E)` and :math:`\int y\,dt` with :math:`y = |A|^n` and :math:`E = (e^{n g_r t} - 1)/g_r`."""
+    def logarithms(self, times: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        r"""Return :math:`\log(y/y_0)` and :math:`\int y\,dt` with :math:`y = |A|^n = y_0 e^{n g_r t}/(1 - k_r y_0 E)`, :math:`E = (e^{n g_r t} - 1)/g_r`."""
         g, k, n = self.growth.real, self.saturation.real, self.power
         y = self.start.real if n == 1 else abs(self.start) ** n
         rate = n * g * times
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-            if g > 0:  # e^{rate} is taken out, so that nothing overflows
-                logarithm = rate + np.log(np.exp(-rate) + k * y * np.expm1(-rate) / g)
+            if g > 0:  # e^{rate} cancels, so that nothing overflows and a state of rest stays one
+                growth = -np.log(np.exp(-rate) + k * y * np.expm1(-rate) / g)
             else:
-                logarithm = np.log1p(-k * y * (np.expm1(rate) / g if g else n * times))
-            integral = -logarithm / (n * k) if k else y * (np.expm1(rate) / (n * g) if g else times)
-        bad = ~(np.isfinite(logarithm) & np.isfinite(integral))
+                growth = rate - np.log1p(-k * y * (np.expm1(rate) / g if g else n * times))
+            integral = (growth - rate) / (n * k) if k else y * (np.expm1(rate) / (n * g) if g else times)
+        bad = ~(np.isfinite(growth) & np.isfinite(integral))
         if bad.any():
             raise EvaluationError(f"motion: the amplitude grows without bound before t = {times[bad].min():.6g}: nothing in the amplitude equation saturates it; "
                                   "expected a smaller initial amplitude, another sign of mu, or a shorter time")
-        return logarithm, integral
+        return growth, integral
 
     def amplitude(self, times: ArrayLike) -> NDArray[np.complex128]:
         """Return A at the times, shape (..., 2) for a vector."""
         t = np.asarray(times, dtype=float)
-        logarithm, integral = self.denominator(t)
-        phase = self.growth.imag * t + self.saturation.imag * integral
-        with np.errstate(under="ignore"):
-            value = self.start * np.exp(self.growth.real * t - logarithm / self.power) * np.exp(1j * phase)
+        value = np.zeros(t.shape, dtype=complex)
+        if self.start:
+            growth, integral = self.logarithms(t)
+            with np.errstate(under="ignore", over="ignore"):
+                value = self.start * np.exp(growth / self.power) * np.exp(1j * (self.growth.imag * t + self.saturation.imag * integral))
         value = value[..., None] * np.array(self.direction) if len(self.direction) > 1 else value
         if not np.isfinite(value).all():
             raise EvaluationError("motion: the amplitude grows beyond the range of a double; expected a shorter time or another sign of mu")
@@ -149,8 +150,8 @@ def integrate_vector(growth: complex, alpha: complex, beta: complex, initial: Se
     """
     plus, minus = (complex(one) for one in circular_components(np.array(initial)))
     p, q = abs(plus) ** 2, abs(minus) ** 2
-    # p - q = 4 Im(conj(A_1) A_2) without cancellation, so that a nearly planar motion keeps its digits
-    ratio = 2 * np.arctanh(-4 * (initial[0].conjugate() * initial[1]).imag / (p + q)) if min(p, q) > 1e-3 * max(p, q) else log(p) - log(q)
+    # p - q = -4 Im(A_1^* A_2) without cancellation, so that a nearly planar motion keeps its digits
+    ratio = 2 * np.arctanh(-4 * float(cross_product(np.array(initial))) / (p + q)) if min(p, q) > 1e-3 * max(p, q) else log(p) - log(q)
     angles = np.angle(plus), np.angle(minus)
     start = np.array([log(p + q), ratio, (angles[0] + angles[1]) / 2, (angles[0] - angles[1]) / 2])
     scale = 2 * abs(growth.real)
@@ -180,6 +181,14 @@ class Scene:
     mu: float
     until: float
 
+    def __post_init__(self) -> None:
+        if not all(isfinite(one.real) and isfinite(one.imag) for one in self.initial):
+            raise EvaluationError("initial: found a number that is not finite; expected finite components")
+        if not isfinite(self.mu):
+            raise EvaluationError(f"mu: found {self.mu}; expected a finite distance of the control from the threshold")
+        if not (isfinite(self.until) and self.until > 0):
+            raise EvaluationError(f"until: found {self.until}; expected a finite time above 0")
+
 
 def shape_of(initial: Sequence[complex], real: bool) -> str:
     """Return "still", "planar", "circular" or "general": which equation the motion needs; up to the rounding of what is given."""
@@ -190,7 +199,7 @@ def shape_of(initial: Sequence[complex], real: bool) -> str:
     plus, minus = (abs(complex(one)) for one in circular_components(np.array(initial)))
     if plus == 0 or minus == 0:
         return "circular"
-    return "planar" if abs(plus - minus) <= RESOLVED * (plus + minus) else "general"
+    return "general" if cross_product(np.array(initial)) else "planar"
 
 
 def check_scene(module: Module, scene: Scene) -> None:
@@ -199,14 +208,8 @@ def check_scene(module: Module, scene: Scene) -> None:
     if len(scene.initial) != count:
         wanted = "two, along e1 and e2 across the axis, such as 0.03,0.005i" if count == 2 else "one, such as 0.03"
         raise EvaluationError(f"initial: found {len(scene.initial)} components; expected {wanted}")
-    if not all(isfinite(one.real) and isfinite(one.imag) for one in scene.initial):
-        raise EvaluationError("initial: found a number that is not finite; expected finite components")
     if real and any(one.imag for one in scene.initial):
         raise EvaluationError(f"initial: found a complex amplitude; the bifurcation of {module.NAME} is steady and its amplitude real: leave the i out")
-    if not isfinite(scene.mu):
-        raise EvaluationError(f"mu: found {scene.mu}; expected a finite distance of {module.CONTROL} from the threshold")
-    if not (isfinite(scene.until) and scene.until > 0):
-        raise EvaluationError(f"until: found {scene.until}; expected a finite time above 0")
 
 
 def motion_of(emitted: str | Path | Mapping[str, Any], scene: Scene, digits: int = 15) -> tuple[Motion, Result]:

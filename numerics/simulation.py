@@ -32,6 +32,13 @@ class Sampling:
     logarithmic: bool = False
     order: str = "1"
 
+    def __post_init__(self) -> None:
+        for name, value in (("points", self.times), ("places", self.places)):
+            if value < 2:
+                raise EvaluationError(f"{name}: found {value}; expected at least 2")
+        if 3 * self.times * self.places > LARGEST_ARRAY:
+            raise EvaluationError(f"points: found {self.times} times and {self.places} places; expected fewer than {LARGEST_ARRAY // 3} values a field")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variable:
@@ -107,11 +114,6 @@ def simulate(emitted: str | Path | Mapping[str, Any], scene: Scene, sampling: Sa
         The scene does not fit the problem, or the motion is not bounded.
     """
     sampling = sampling or Sampling()
-    for name, value, least in (("points", sampling.times, 2), ("places", sampling.places, 2)):
-        if value < least:
-            raise EvaluationError(f"{name}: found {value}; expected at least {least}")
-    if 3 * sampling.times * sampling.places > LARGEST_ARRAY:
-        raise EvaluationError(f"points: found {sampling.times} times and {sampling.places} places; expected fewer than {LARGEST_ARRAY // 3} values a field")
     motion, _ = motion_of(emitted, scene)
     result = evaluate(emitted, digits=30)
     times = times_of(scene.until, sampling)
