@@ -8,6 +8,7 @@ is such that a growing disturbance needs about eight periods for a factor e.
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import pi
@@ -51,7 +52,7 @@ def styled() -> Any:
 
 def symbol(name: str, extra: str = "") -> str:
     """Return a name as mathtext, `lambda_1` as a Greek letter with a subscript; `extra` joins the subscript."""
-    stem, _, below = name.rstrip("_").partition("_")
+    stem, _, below = re.sub(r"\W", "", name).strip("_").partition("_")
     stem = f"\\{stem}" if stem in GREEK else stem if len(stem) == 1 else rf"\mathrm{{{stem}}}"
     below = ",".join(part for part in (below.replace("_", ","), extra) if part)
     return f"{stem}_{{{below}}}" if below else stem

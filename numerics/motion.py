@@ -35,6 +35,7 @@ from numerics.precision import EvaluationError, working_precision
 from numerics.sampled import Samples, barycentric
 
 ORDERS = ("1/2", "1")
+MOST_CALLS = 1_000_000
 LARGEST = 60.0  # log of the growth of |A|^2 beyond which the solution is said to leave every bound
 
 
@@ -101,6 +102,8 @@ class VectorMotion:
         result = np.asarray(self.dense(inside.ravel())).reshape(4, *t.shape).copy()
         later = t - inside
         slope = rates(np.array(self.final), self.growth, self.alpha, self.beta)
+        if self.growth.real:  # what is left of the way to rest: dL/dt = -2 g_r (L - L_rest)
+            result[0] -= slope[0] / (2 * self.growth.real) * np.expm1(-2 * self.growth.real * later)
         slope[0] = 0.0
         if slope[1] * self.final[1] < 0:  # towards a line: D decays exponentially
             result[1] *= np.exp(slope[1] / self.final[1] * later)
@@ -135,7 +138,7 @@ def rates(y: NDArray[np.float64], growth: complex, alpha: complex, beta: complex
 
 def at_rest(y: NDArray[np.float64], slope: NDArray[np.float64], scale: float) -> bool:
     """Tell whether |A| and the shape of the orbit have come to rest: at a circle, at a line that attracts, or anywhere if nothing moves D."""
-    if not abs(slope[0]) <= 1e-14 * scale:
+    if not abs(slope[0]) <= 1e-12 * scale:
         return False
     return bool(abs(y[1]) > 80 or (abs(y[1]) < 1e-17 and slope[1] * y[1] <= 0) or abs(slope[1]) <= 1e-15 * scale * abs(y[1]))
 
@@ -155,16 +158,26 @@ def integrate_vector(growth: complex, alpha: complex, beta: complex, initial: Se
     angles = np.angle(plus), np.angle(minus)
     start = np.array([log(p + q), ratio, (angles[0] + angles[1]) / 2, (angles[0] - angles[1]) / 2])
     scale = 2 * abs(growth.real)
+    strengths = [abs(one) for one in (beta.real / 2, (alpha + beta).real) if one]
+    bound = max(start[0], log(scale / min(strengths)) if scale and strengths else start[0]) + LARGEST
+    calls = 0
+
+    def slope(t: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
+        nonlocal calls
+        calls += 1
+        if calls > MOST_CALLS:
+            raise EvaluationError(f"motion: found two very different rates: {MOST_CALLS} evaluations reach t = {t:.6g} only; expected a shorter time")
+        return rates(y, growth, alpha, beta)
 
     def stop(t: float, y: NDArray[np.float64]) -> float:
         return 0.0 if scale and at_rest(y, rates(y, growth, alpha, beta), scale) else 1.0
 
     def leave(t: float, y: NDArray[np.float64]) -> float:
-        return float(y[0] - start[0] - LARGEST)
+        return float(y[0] - bound)
 
     stop.terminal = leave.terminal = True  # type: ignore[attr-defined]
     leave.direction = 1  # type: ignore[attr-defined]
-    solution = solve_ivp(lambda t, y: rates(y, growth, alpha, beta), (0.0, until), start, method="DOP853", rtol=1e-13, atol=[1e-13, 1e-300, 1e-13, 1e-13],
+    solution = solve_ivp(slope, (0.0, until), start, method="DOP853", rtol=1e-13, atol=[1e-13, 1e-300, 1e-13, 1e-13],
                          dense_output=True, events=(stop, leave))
     if solution.status == -1 or len(solution.t_events[1]):
         raise EvaluationError(f"motion: the amplitude grows without bound at t = {solution.t[-1]:.6g}: nothing in the amplitude equation saturates it; "

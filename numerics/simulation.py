@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.io import netcdf_file
 
 from numerics.coefficients import evaluate
+from numerics.ellipse import ellipse_of
 from numerics.motion import Scene, fast_phase, motion_of, shapes_of
 from numerics.precision import EvaluationError
 
@@ -121,11 +122,13 @@ def simulate(emitted: str | Path | Mapping[str, Any], scene: Scene, sampling: Sa
     shapes = shapes_of(emitted, result, scene.mu, sampling.order, sampling.places)
     fields = shapes.at(amplitude, fast_phase(result.threshold.frequency, times))
     vector = ("across",) if shapes.vector else ()
+    threshold = result.threshold
     variables = {
         "time": Variable(axes=("time",), values=times),
         **({"place": Variable(axes=("place",), values=shapes.places)} if shapes.spatial else {}),
         "amplitude_re": Variable(axes=("time", *vector), values=amplitude.real),
         "amplitude_im": Variable(axes=("time", *vector), values=amplitude.imag),
+        **(ellipse_variables(amplitude) if shapes.vector and threshold.frequency else {}),
         **({"frame": Variable(axes=("frame_vector", "component"), values=shapes.frame)} if shapes.vector else {}),
     }
     for name, values in fields.items():
@@ -135,7 +138,6 @@ def simulate(emitted: str | Path | Mapping[str, Any], scene: Scene, sampling: Sa
         while title in variables:
             title += "_"
         variables[title] = Variable(axes=axes, values=values)
-    threshold = result.threshold
     attributes = {
         "problem": result.problem, "kind": threshold.kind, "multiplicity": threshold.multiplicity, "threshold": threshold.control, "mu": scene.mu,
         "control": float(threshold.control) + scene.mu, "frequency": threshold.frequency or "0", "order": sampling.order,
@@ -144,6 +146,12 @@ def simulate(emitted: str | Path | Mapping[str, Any], scene: Scene, sampling: Sa
         "phase_error": 4e-15 * (1 + scene.until * abs(complex(result["mu*A"].value) * scene.mu)),  # of the slow phases at the end, in radians
     }
     return Dataset(variables=variables, attributes=attributes)
+
+
+def ellipse_variables(amplitude: NDArray[np.complex128]) -> dict[str, Variable]:
+    """Return the ellipse of the normalised field at its place, to leading order, against time."""
+    ellipse = ellipse_of(amplitude)
+    return {f"ellipse_{name}": Variable(axes=("time",), values=np.asarray(getattr(ellipse, name), dtype=float)) for name in ("semi_major", "semi_minor", "orientation", "sense")}
 
 
 def parse_amplitude(text: str) -> tuple[complex, ...]:

@@ -2,18 +2,21 @@
 
 import numpy as np
 import pytest
-from conftest import PROBLEMS, derivation_of, result_of
+from conftest import PROBLEMS, ROOT, derivation_of
 from scipy.integrate import solve_ivp
 
-from numerics import EvaluationError, coefficients
-from numerics.motion import Scene, VectorMotion, fast_phase, motion_of
+import numerics.motion
+from numerics import EvaluationError, coefficients, evaluate
+from numerics.motion import Scene, VectorMotion, fast_phase, integrate_vector, motion_of
 
-ALPHA, BETA, GAMMA = (complex(result_of("follower_force")[name].value) for name in ("alpha", "beta", "gamma"))
+FILAMENT = ROOT / "generated" / "follower_force.py"
+ALPHA, BETA, GAMMA = (complex(evaluate(FILAMENT)[name].value) for name in ("alpha", "beta", "gamma"))
 
 
 
-def moved(initial, mu, until, target="follower_force"):
-    return motion_of(derivation_of(target).emit(), Scene(initial=tuple(complex(one) for one in initial), mu=mu, until=until))
+def moved(initial, mu, until, target=None):
+    emitted = FILAMENT if target is None else derivation_of(target).emit()
+    return motion_of(emitted, Scene(initial=tuple(complex(one) for one in initial), mu=mu, until=until))
 
 
 def direct(initial, mu, until):
@@ -49,6 +52,11 @@ def test_whirling_is_reached_with_the_radius_and_the_frequency_of_the_closed_for
         nu = mu * (GAMMA.imag - GAMMA.real * BETA.imag / BETA.real)
         assert np.angle(later[0] / here[0]) == pytest.approx(0.01 * nu, rel=1e-6 if t > 1e5 else 1e-9)
     assert np.sqrt(2) * np.sqrt(np.sum(np.abs(here) ** 2)) / np.sqrt(mu) == pytest.approx(0.16840, abs=5e-6)
+
+
+def test_a_start_far_below_the_state_reaches_it():
+    motion, _ = moved((1e-40, 1e-41j), 0.5, 1e3)
+    assert np.sum(np.abs(motion.amplitude(1e3)) ** 2) == pytest.approx(-0.5 * GAMMA.real / BETA.real, rel=1e-12)
 
 
 def test_beating_is_reached_with_the_closed_form():
@@ -146,6 +154,17 @@ def test_a_complex_scalar_and_a_real_vector():
     assert abs(motion.amplitude(1e9)) == pytest.approx(np.sqrt(0.2), rel=1e-12)
     motion, _ = moved((0.03, 0.04), 0.25, 1e3, str(PROBLEMS / "vec_pitch.py"))
     assert motion.amplitude(1e3) == pytest.approx(np.array([0.3, 0.4]), rel=1e-12)
+
+
+def test_a_general_motion_comes_to_rest_on_a_line_or_leaves_every_bound(monkeypatch):
+    line = integrate_vector(0.5 + 1j, 0.5 + 0.2j, -1 + 0.3j, (0.1, 0.03j), 1e6)
+    a = line.amplitude(1e6)
+    assert np.sum(np.abs(a) ** 2) == pytest.approx(1, rel=1e-12) and abs((np.conj(a[0]) * a[1]).imag) < 1e-12
+    with pytest.raises(EvaluationError, match="grows"):
+        integrate_vector(0.5 + 1j, -0.5 + 0j, 1 + 0j, (0.1, 0.03j), 1e6)
+    monkeypatch.setattr(numerics.motion, "MOST_CALLS", 3000)
+    with pytest.raises(EvaluationError, match="two very different rates"):
+        integrate_vector(1e3 + 0j, -1e-9 + 0j, -1 + 0j, (0.1, 0.03j), 1e12)
 
 
 def test_a_motion_without_bound_is_refused():
