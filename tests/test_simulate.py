@@ -74,3 +74,16 @@ def test_a_mistake_is_one_line_and_nothing_is_written(tmp_path, changes, says):
     assert done.exit_code == 2 and done.stdout == ""
     assert len(done.stderr.strip().splitlines()) == 1 and done.stderr.startswith("fredholm: ") and says in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_a_user_may_call_his_symbols_as_the_emitted_functions_are_called(write_problem, tmp_path):
+    target = write_problem("""
+from sympy import symbols
+from derive import Problem, field
+t = symbols("t", real=True)
+mode, base, frame = symbols("mode base frame")
+x = field("phi~'", t)
+problem = Problem(name="names", time=t, control=base, control_range=(-1, 1), fields=(x,), parameters={mode: 2, frame: 3},
+    equations=(x.diff(t, 2) - (base - mode * x**2) * x.diff(t) + frame * x,), base_state={x: 0}, normalisation=(x, None))
+""")
+    assert simulate(target, tmp_path / "a.nc", initial="0.1").exit_code == 0
