@@ -211,28 +211,31 @@ def letter(axes: Axes, text: str) -> None:
 
 def growth_figure(case: Case, spectra: Spectra) -> Figure:
     """Return growth rate and frequency of the rightmost eigenvalues against the control, with F_o and F_c marked (label fig:linear)."""
-    fastest = float(np.nanmax(np.abs(spectra.eigenvalues[:, :2].imag)))
-    oscillates = fastest > 1e-6 * float(np.nanmax(np.abs(spectra.eigenvalues[:, :2])))
+    tracks = joined(spectra.eigenvalues)
+    row = int(np.argmin(np.abs(spectra.controls - case.threshold)))
+    order = np.argsort([abs(complex(one.real, abs(one.imag) - case.omega)) if np.isfinite(one) else np.inf for one in tracks[row]], kind="stable")
+    critical = order[:2] if case.omega else order[:1]
+    leading = tracks[:, critical]
+    fastest = float(np.nanmax(np.abs(leading.imag)))
+    oscillates = fastest > 1e-6 * float(np.nanmax(np.abs(leading)))
     figure = Figure(figsize=(4.6, 4.2 if oscillates else 2.8), layout="constrained")
     panels = figure.subplots(2 if oscillates else 1, 1, sharex=True, squeeze=False)[:, 0]
     top, bottom = panels[0], panels[-1]
-    tracks = joined(spectra.eigenvalues)
-    for k in range(tracks.shape[1] - 1, -1, -1):
-        leading = k < 2
+    for k in reversed(order):
         for axes, values in zip(panels, (tracks[:, k].real, np.abs(tracks[:, k].imag)), strict=False):
-            axes.plot(spectra.controls, values, color=BLUE if leading else GREY, lw=1.5 if leading else 0.9)
-    known = spectra.eigenvalues[:, :2].real
-    low, high = np.nanmin(known), np.nanmax(known)
-    low = max(low, -2.5 * max(high, 0.02 * abs(low))) if spectra.oscillation is None else low
-    span = high - low
+            axes.plot(spectra.controls, values, color=BLUE if k in critical else GREY, lw=1.5 if k in critical else 0.9)
+    low, high = float(np.nanmin(leading.real)), float(np.nanmax(leading.real))
+    span = high - low or 1.0
     top.set_ylim(low - 0.12 * span, high + 0.08 * span)
     top.axhline(0, color=BLACK, lw=0.6)
     marks = [(case.threshold, "c")] + ([(spectra.oscillation, "o")] if spectra.oscillation is not None else [])
+    close = len(marks) == 2 and abs(marks[0][0] - marks[1][0]) < 0.25 * (spectra.controls[-1] - spectra.controls[0])
     for place, name in marks:
+        side = "center" if not close else "left" if name == "c" else "right"
         for axes in panels:
             axes.axvline(place, color=RED if name == "c" else GREEN, lw=0.9, ls=":" if name == "c" else "--")
         label = rf"${symbol(case.module.CONTROL, name)} = {place:.5g}$"
-        top.annotate(label, (place, 1), xycoords=("data", "axes fraction"), xytext=(0, 3), textcoords="offset points", ha="center", va="bottom", color=RED if name == "c" else GREEN)
+        top.annotate(label, (place, 1), xycoords=("data", "axes fraction"), xytext=(0, 3), textcoords="offset points", ha=side, va="bottom", color=RED if name == "c" else GREEN)
     if oscillates:
         bottom.set_ylim(-0.04 * fastest, 1.08 * fastest)
         bottom.plot([case.threshold], [case.omega], "o", ms=4, color=RED)
@@ -575,12 +578,14 @@ def portrait(case: Case) -> Figure:
                 if branch.exists(mu):
                     level = np.sqrt(abs(branch.share)) * circle
                     axes.plot(level.real, level.imag, color=BLACK, ls="-" if branch.stability == "stable" else "--", lw=1.2)
-            for angle in np.arange(8) * pi / 4:
-                for share in (0.12, 0.93, 1.07, 1.8):
+            spiral = abs(case.planar.imag / case.planar.real)
+            for angle in np.arange(8 if spiral < 2 else 2) * pi / (4 if spiral < 2 else 1):
+                for share in (0.12, 0.93, 1.07, 1.8) if spiral < 2 else (0.12, 1.8):
                     start = share * size * np.exp(1j * angle)
                     initial = (complex(start.real), complex(start.imag)) if case.vector else (complex(start),)
                     motion, until = bounded(case, initial, mu, 6 / rate, 2.1 * size)
-                    values = motion.amplitude(np.linspace(0, until, 300))
+                    turned = (abs(case.gamma.imag) + 4 * abs(case.planar.imag) * size**2) * until
+                    values = motion.amplitude(np.linspace(0, until, min(300 + int(20 * turned), 20000)))
                     x, y = (values[:, 0].real, values[:, 1].real) if case.vector else (values.real, values.imag)
                     axes.plot(x, y, color=BLUE if share < 1 else RED, lw=0.6)
                     axes.plot(x[:1], y[:1], ".", ms=2.5, color=BLUE if share < 1 else RED)

@@ -59,6 +59,10 @@ class Dataset:
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         return self.variables[name].values
 
+    def __repr__(self) -> str:
+        lines = [f"{self.attributes['problem']} at mu = {self.attributes['mu']:g}"]
+        return "\n".join([*lines, *(f"  {name}({', '.join(one.axes)}) {one.values.shape}" for name, one in self.variables.items())])
+
     def as_bytes(self, form: str) -> bytes:
         """Return the content of a file: `npz` or `nc`."""
         return {"npz": self.npz, "nc": self.netcdf}[form]()
