@@ -9,7 +9,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -283,6 +283,86 @@ def bench(targets: tuple[str, ...], out: str | None, as_json: bool, quick: bool)
     for text in failed:
         click.echo(f"fredholm: claimed error below the true one: {text}", err=True)
     return 1 if failed else 0
+
+
+@main.command()
+@click.argument("target")
+@click.option("--initial", required=True, help="A(0): 0.03 for a scalar; for a vector two components across the axis, along e1 and e2: 0.03,0.005i")
+@click.option("--mu", required=True, type=float, help="Distance of the control from the threshold.")
+@click.option("--until", required=True, type=float, help="Final time.")
+@click.option("--out", required=True, help="File to write; .npz or .nc unless --format says which.")
+@click.option("--order", default="1", show_default=True, type=click.Choice(["1/2", "1"]), help="Order of the fields in mu: the mode, or the responses of second order too.")
+@click.option("--points", default=401, show_default=True, type=int, help="Number of times in the file.")
+@click.option("--places", default=51, show_default=True, type=int, help="Number of places along space.")
+@click.option("--spacing", default="linear", show_default=True, type=click.Choice(["linear", "log"]), help="Spacing of the times.")
+@click.option("--format", "form", default=None, type=click.Choice(["npz", "nc"]), help="NPZ, or NetCDF.")
+def simulate(target: str, initial: str, mu: float, until: float, out: str, order: str, points: int, places: int, spacing: str, form: str | None) -> None:
+    """Integrate the amplitude equation and write the fields of the full problem along the motion.
+
+    Amplitude and time are the original ones, dA/dt = gamma mu A + ..., without a small parameter: u = base + A phi exp(i omega t) + c.c., so that A is half
+    the peak of the normalised field (for a steady bifurcation u = base + A phi, A real). The paper's scaled amplitude and slow time are A/epsilon^(1/2) and
+    epsilon t with mu = epsilon chi. Weak effects are left out (epsilon = 0).
+    """
+    from derive.files import write_bytes
+    from numerics.motion import Scene
+    from numerics.simulation import FORMATS, Sampling, parse_amplitude
+    from numerics.simulation import simulate as run
+
+    path = Path(out)
+    form = form or path.suffix.removeprefix(".")
+    if form not in FORMATS:
+        raise click.UsageError(f"--out: found {path.name!r}; expected a name that ends in .npz or .nc, or --format")
+    scene = Scene(initial=parse_amplitude(initial), mu=mu, until=until)
+    sampling = Sampling(times=points, places=places, logarithmic=spacing == "log", order=order)
+    data = run(derived(target).emit(), scene, sampling)
+    if data.attributes["phase_error"] > 1e-3:
+        click.echo(f"fredholm: warning: slow phases at the end are known to {data.attributes['phase_error']:.1g} rad only", err=True)
+    write_bytes(path, data.as_bytes(form))
+    click.echo(path)
+
+
+@main.command()
+@click.argument("target")
+@click.option("--out", default=None, help="Folder to write to (default: NAME-figures).")
+@click.option("--format", "form", default="svg", show_default=True, type=click.Choice(["svg", "png", "pdf"]))
+@click.option("--only", default=None, help="One figure: growth, mode, bifurcation, transients, approach, decay, spacetime or animation.")
+def figures(target: str, out: str | None, form: str, only: str | None) -> None:
+    """Draw the figures of a problem: what does not apply to it is left out, and said."""
+    from derive.files import write_bytes
+    from numerics.figures import NAMES
+
+    if only is not None and only not in NAMES:
+        raise click.UsageError(f"--only: found {only!r}; expected one of {', '.join(NAMES)}")
+    derivation = derived(target)
+    folder = Path(out) if out else Path(f"{derivation.problem.name}-figures")
+    for name, content in drawn(derivation, form, (only,) if only else NAMES, only is not None):
+        write_bytes(folder / name, content)
+        click.echo(folder / name)
+
+
+def drawn(derivation: Derivation, form: str, names: Sequence[str], strict: bool) -> Iterator[tuple[str, bytes]]:
+    """Yield file name and content of each figure; one that does not apply is an error when `strict`, else a line on standard error."""
+    from derive.spectrum import spectrum_curves
+    from numerics.animation import animation_of, gif_of, page_of
+    from numerics.figures import Spectra, case_of, draw, saved
+
+    case = case_of(derivation.emit())
+    for name in names:
+        try:
+            if name == "animation":
+                animation = animation_of(case)
+                yield "animation.gif", gif_of(animation, case)
+                yield "animation.html", page_of(animation).encode("utf-8")
+                continue
+            spectra = None
+            if name == "growth":
+                curves = spectrum_curves(derivation)
+                spectra = Spectra(controls=curves.controls, eigenvalues=curves.eigenvalues, oscillation=curves.oscillation)
+            yield f"{name}.{form}", saved(draw(case, name, spectra), form)
+        except EvaluationError as reason:
+            if strict:
+                raise
+            click.echo(f"fredholm: {name} is left out: {one_line(reason)}", err=True)
 
 
 if __name__ == "__main__":

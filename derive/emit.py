@@ -348,6 +348,7 @@ def emit(derivation: Derivation) -> str:
         lines += integral_lines(f"mirror_{identifier.removeprefix('coefficient_')}", one, derivation, printer, "mirror_xi")
     for weak in reduction.weak:
         lines += integral_lines(weak_names[weak.row, weak.column], weak.coefficient, derivation, printer, "xi" if weak.row == 0 else "mirror_xi")
+    lines += fields_lines(derivation, printer)
     lines += consistency_lines("consistency", "What redundant equations demand at mu A, epsilon A and A**2: each must vanish.", reduction.linear_spare, derivation, printer)
     lines += consistency_lines("consistency_cubic", "What redundant equations demand of the responses and at third order: each must vanish.", reduction.spare, derivation, printer)
     return "\n".join([*lines, ""])
@@ -367,6 +368,34 @@ def parameter_lines(derivation: Derivation) -> list[str]:
         lines += ["PARAMETERS_ZERO = ("] + [f"    {quoted(name)}," for name in zeros] + [")"]
     if held:
         lines += ["PARAMETERS_FIXED = ("] + [f"    {quoted(name)}," for name in held] + [")"]
+    return lines
+
+
+def fields_lines(derivation: Derivation, printer: Printer) -> list[str]:
+    """Return how the fields of the statement follow from the amplitudes: base state, mode and second-order responses."""
+    reduction, formulation = derivation.reduction, derivation.expansion.formulation
+    names = [amplitude.name for amplitude in reduction.amplitudes]
+    lines = ["", "", f"AMPLITUDES = ({', '.join(map(quoted, names))}{',' if len(names) == 1 else ''})", "UNKNOWNS = ("]
+    lines += [f'    ({quoted(unknown.latex)}, "{unknown.component}"),' for unknown in formulation.unknowns]
+    lines += [")", f"NORMALISED = {quoted(formulation.unknowns[formulation.normalised[0]].latex)}"]
+    if formulation.frame is not None:
+        lines += ["", "", "def frame(a):", '    """Return e1, e2 and the rotation axis."""', "    return ("]
+        lines += [f"        ({', '.join(printer.text(entry) for entry in vector)})," for vector in formulation.frame] + ["    )"]
+    lines += ["", "", "@stage", "def base(a):", '    """The base state, unknown by unknown."""', *(f"    {line}" for line in printer.bindings(formulation.base)), "    return ("]
+    for value in formulation.base:
+        lines += wrapped("", printer.terms(value), ",", indent="        ")
+    lines += ["    )"]
+    growing = [one for one, amplitude in zip(reduction.mode.contributions, reduction.amplitudes, strict=True) if not amplitude.conjugate]
+    for title, described, terms in (("mode", "The mode", growing), ("responses", "The responses of second order", reduction.responses)):
+        lines += ["", "", "@stage", f"def fields_{title}(a):", f'    """{described}: exponents over AMPLITUDES, harmonic, and {{unknown: function of s}}."""']
+        lines += [f"    {line}" for line in printer.bindings(value for one in terms for value in one.values.values())]
+        lines += ["    return ("] if terms else ["    return ()"]
+        for one in terms:
+            lines += [f"        ({one.monomial}, {one.harmonic}, {{"]
+            for unknown, value in sorted(one.values.items()):
+                lines += wrapped(f"{unknown}: ", printer.terms(value), ",", indent="            ")
+            lines += ["        }),"]
+        lines += ["    )"] if terms else []
     return lines
 
 

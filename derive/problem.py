@@ -154,7 +154,8 @@ class Formulation:
 RESERVED = frozenset(
     "a lam omega phi phi_bar zeta xi s i D solve integral kernel Operator stage pi sqrt exp sin cos tan sinh cosh tanh log asin "
     "acos atan asinh acosh atanh erf A T chi mean second lambda None True False and or not if else for in is def return import from as "
-    "with while class pass del try except finally raise global nonlocal assert yield break continue elif async await list".split()
+    "with while class pass del try except finally raise global nonlocal assert yield break continue elif async await list "
+    "mode mode_bar critical adjoint adjoint_mode mirror_xi interval parameters frame base fields_mode fields_responses consistency consistency_cubic total integrand stage".split()
 )
 
 

@@ -303,6 +303,101 @@ def coefficient_gamma(a):
     return -total/xi(a)
 
 
+AMPLITUDES = ("Ap", "Am", "Cp", "Cm")
+UNKNOWNS = (
+    ("r", "p"),
+    ("r", "m"),
+    ("r", "n"),
+    ("t", "p"),
+    ("t", "m"),
+    ("t", "n"),
+    ("F", "p"),
+    ("F", "m"),
+    ("F", "n"),
+    ("M", "p"),
+    ("M", "m"),
+    ("M", "n"),
+)
+NORMALISED = "r"
+
+
+def frame(a):
+    """Return e1, e2 and the rotation axis."""
+    return (
+        (1, 0, 0),
+        (0, 1, 0),
+        (0, 0, 1),
+    )
+
+
+@stage
+def base(a):
+    """The base state, unknown by unknown."""
+    F = a.control
+    s = a.s
+    return (
+        0,
+        0,
+        s,
+        0,
+        0,
+        1,
+        0,
+        0,
+        -F,
+        0,
+        0,
+        0,
+    )
+
+
+@stage
+def fields_mode(a):
+    """The mode: exponents over AMPLITUDES, harmonic, and {unknown: function of s}."""
+    F = a.control
+    phi, phi_1, phi_2, phi_3 = mode(a)
+    return (
+        ((1, 0, 0, 0), 1, {
+            0: phi,
+            3: phi_1,
+            6: -F*phi_1 - phi_3,
+            9: a.i*phi_2,
+        }),
+        ((0, 1, 0, 0), 1, {
+            1: phi,
+            4: phi_1,
+            7: -F*phi_1 - phi_3,
+            10: -a.i*phi_2,
+        }),
+    )
+
+
+@stage
+def fields_responses(a):
+    """The responses of second order: exponents over AMPLITUDES, harmonic, and {unknown: function of s}."""
+    w_Ap_Cm_r_n, w_Ap_Cm_F_n = response_Ap_Cm(a)
+    w_Ap_Am_r_n, w_Ap_Am_F_n = response_Ap_Am(a)
+    return (
+        ((1, 0, 0, 1), 0, {
+            2: w_Ap_Cm_r_n,
+            5: f_Ap_Cm_row_12(a)/2,
+            8: w_Ap_Cm_F_n,
+            11: f_Ap_Cm_row_11(a),
+        }),
+        ((0, 1, 1, 0), 0, {
+            2: w_Ap_Cm_r_n,
+            5: f_Ap_Cm_row_12(a)/2,
+            8: w_Ap_Cm_F_n,
+            11: -f_Ap_Cm_row_11(a),
+        }),
+        ((1, 1, 0, 0), 2, {
+            2: w_Ap_Am_r_n,
+            5: f_Ap_Am_row_12(a)/2,
+            8: w_Ap_Am_F_n,
+        }),
+    )
+
+
 def consistency(a):
     """What redundant equations demand at mu A, epsilon A and A**2: each must vanish."""
     return ()

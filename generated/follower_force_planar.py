@@ -246,6 +246,62 @@ def coefficient_gamma(a):
     return -total/xi(a)
 
 
+AMPLITUDES = ("A", "Ac")
+UNKNOWNS = (
+    ("x", ""),
+    ("z", ""),
+    ("theta", ""),
+    ("X", ""),
+    ("Z", ""),
+)
+NORMALISED = "x"
+
+
+@stage
+def base(a):
+    """The base state, unknown by unknown."""
+    F = a.control
+    s = a.s
+    return (
+        0,
+        s,
+        0,
+        0,
+        -F,
+    )
+
+
+@stage
+def fields_mode(a):
+    """The mode: exponents over AMPLITUDES, harmonic, and {unknown: function of s}."""
+    F = a.control
+    phi, phi_1, _phi_2, phi_3 = mode(a)
+    return (
+        ((1, 0), 1, {
+            0: phi,
+            2: phi_1,
+            3: -F*phi_1 - phi_3,
+        }),
+    )
+
+
+@stage
+def fields_responses(a):
+    """The responses of second order: exponents over AMPLITUDES, harmonic, and {unknown: function of s}."""
+    w_A_A_z, w_A_A_Z = response_A_A(a)
+    w_A_Ac_z, w_A_Ac_Z = response_A_Ac(a)
+    return (
+        ((2, 0), 2, {
+            1: w_A_A_z,
+            4: w_A_A_Z,
+        }),
+        ((1, 1), 0, {
+            1: w_A_Ac_z,
+            4: w_A_Ac_Z,
+        }),
+    )
+
+
 def consistency(a):
     """What redundant equations demand at mu A, epsilon A and A**2: each must vanish."""
     return ()

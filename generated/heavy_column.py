@@ -133,6 +133,38 @@ def coefficient_A2(a):
     return -total/xi(a)
 
 
+AMPLITUDES = ("A",)
+UNKNOWNS = (
+    ("theta", ""),
+)
+NORMALISED = "theta"
+
+
+@stage
+def base(a):
+    """The base state, unknown by unknown."""
+    return (
+        0,
+    )
+
+
+@stage
+def fields_mode(a):
+    """The mode: exponents over AMPLITUDES, harmonic, and {unknown: function of s}."""
+    phi, _phi_1 = mode(a)
+    return (
+        ((1,), 0, {
+            0: phi,
+        }),
+    )
+
+
+@stage
+def fields_responses(a):
+    """The responses of second order: exponents over AMPLITUDES, harmonic, and {unknown: function of s}."""
+    return ()
+
+
 def consistency(a):
     """What redundant equations demand at mu A, epsilon A and A**2: each must vanish."""
     return ()

@@ -131,6 +131,38 @@ def coefficient_A2(a):
     return -total/xi(a)
 
 
+AMPLITUDES = ("A",)
+UNKNOWNS = (
+    ("u", ""),
+)
+NORMALISED = "u"
+
+
+@stage
+def base(a):
+    """The base state, unknown by unknown."""
+    return (
+        0,
+    )
+
+
+@stage
+def fields_mode(a):
+    """The mode: exponents over AMPLITUDES, harmonic, and {unknown: function of s}."""
+    phi, _phi_1, _phi_2, _phi_3 = mode(a)
+    return (
+        ((1,), 0, {
+            0: phi,
+        }),
+    )
+
+
+@stage
+def fields_responses(a):
+    """The responses of second order: exponents over AMPLITUDES, harmonic, and {unknown: function of s}."""
+    return ()
+
+
 def consistency(a):
     """What redundant equations demand at mu A, epsilon A and A**2: each must vanish."""
     return ()

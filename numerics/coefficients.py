@@ -201,10 +201,10 @@ def compute(module: Module, route: str, bits: int, resolution: Resolution, names
             quadratic_zero = bool(abs(value).mid() < arb(2) ** (-(tolerance_bits * 3) // 4) * scale)
             if not quadratic_zero:
                 values["coefficient_A2"] = value
-        wanted = [identifier for _, monomial, identifier in module.COEFFICIENTS if quadratic_zero or monomial != "A**3"]
+        wanted = [identifier for name, monomial, identifier in module.COEFFICIENTS if (quadratic_zero or monomial != "A**3") and (not names or {name, monomial} & set(names))]
         for identifier in wanted:
             values[identifier] = module.names[identifier](a)
-        for name, _, _ in module.WEAK:
+        for name, _, _ in module.WEAK if not names else ():
             values[name] = module.names[name](a)
         for identifier, mirror in module.MIRROR:
             if identifier in values:
@@ -218,7 +218,6 @@ def compute(module: Module, route: str, bits: int, resolution: Resolution, names
             reference = max((largest(one) for one in module.mode(a)), default=1.0)
             if size > 2.0 ** (-min(tolerance_bits // 2, 300)) * max(1.0, reference) ** 2:
                 raise EvaluationError(f"equations: {labels} contradict each other beyond the linear terms (residual {size:.3g}); expected redundant equations to follow from the others")
-        del names
     return Computed(root=root, values=values, scales=scales, quadratic_zero=quadratic_zero, seconds=(middle - begun, time.perf_counter() - middle))
 
 
@@ -246,7 +245,7 @@ def start_resolution(digits: int) -> Resolution:
     return Resolution(nodes=14 + digits // 4, panels=3 + digits // 10) if digits <= 100 else Resolution(nodes=24 + digits // 7, panels=8 + digits // 16)
 
 
-def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: str = "auto", certify: bool = False) -> Result:
+def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: str = "auto", certify: bool = False, only: tuple[str, ...] = ()) -> Result:
     """Return threshold and coefficients, each right to `digits` significant digits of its modulus.
 
     Parameters
@@ -257,6 +256,8 @@ def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: s
         Significant digits of the modulus.
     route
         `closed`, `chebyshev`, `quadrature`, or `auto`: closed where it exists, else chebyshev.
+    only
+        Names or monomials of the coefficients to evaluate; all when empty.
 
     Raises
     ------
@@ -270,15 +271,19 @@ def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: s
     if certify:
         raise EvaluationError("--certify: found no certified route for this problem; run without it: the error is then estimated from two computations")
     module = Module(emitted)
+    known = {text for name, monomial, _ in module.COEFFICIENTS for text in (name, monomial)}
+    for name in only:
+        if name not in known:
+            raise EvaluationError(f"only: found {name!r}; expected coefficients of {module.NAME}: {', '.join(one[0] for one in module.COEFFICIENTS)}")
     if route != "auto":
-        return evaluate_route(module, digits, route)
+        return evaluate_route(module, digits, route, only)
     try:
-        return evaluate_route(module, digits, "closed")
+        return evaluate_route(module, digits, "closed", only)
     except NotClosed:
-        return evaluate_route(module, digits, "chebyshev")
+        return evaluate_route(module, digits, "chebyshev", only)
 
 
-def evaluate_route(module: Module, digits: int, route: str) -> Result:
+def evaluate_route(module: Module, digits: int, route: str, only: tuple[str, ...] = ()) -> Result:
     """Return the result of one route, raising precision and resolution until the digits are there."""
     guard = 48
     goal = bits_of(digits + 3)
@@ -290,7 +295,7 @@ def evaluate_route(module: Module, digits: int, route: str) -> Result:
     reason = ""
     for _attempt in range(9):
         try:
-            current = compute(module, route, bits, resolution, (), previous.root if previous else None, goal)
+            current = compute(module, route, bits, resolution, only, previous.root if previous else None, goal)
         except NotClosed:
             raise
         except ZeroDivisionError as problem:
@@ -329,7 +334,7 @@ def finished(module: Module, digits: int, route: str, first: Computed, second: C
     if module.QUADRATIC is not None and not second.quadratic_zero:
         listed = [entry for entry in listed if entry[1] != "A**3"] + [module.QUADRATIC]
         listed.sort(key=lambda entry: (entry[1].startswith("epsilon"), entry[1] == "mu*A"))
-    pairs = [(name, monomial, first.values[identifier], second.values[identifier]) for name, monomial, identifier in listed]
+    pairs = [(name, monomial, first.values[identifier], second.values[identifier]) for name, monomial, identifier in listed if identifier in second.values]
     pairs += weak_pairs(module, first, second)
     for _, monomial, one, other in pairs:
         if not (one.is_finite() and other.is_finite()):
@@ -370,7 +375,7 @@ def finished(module: Module, digits: int, route: str, first: Computed, second: C
 
 def weak_pairs(module: Module, first: Computed, second: Computed) -> list[tuple[str, str, acb, acb]]:
     """Return the weak effects on a vector amplitude, in the directions e1, e2 across the axis."""
-    if not module.WEAK:
+    if not any(name in second.values for name, _, _ in module.WEAK):
         return []
     names = module.WEAK_NAMES
 
