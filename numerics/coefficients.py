@@ -19,7 +19,7 @@ from numerics.algebra import Algebra, Constants
 from numerics.closed import Closed
 from numerics.precision import EvaluationError, NotClosed, bits_of, working_precision
 from numerics.sampled import Chebyshev, Gauss, Samples
-from numerics.threshold import Root, newton
+from numerics.threshold import Build, Root, newton
 
 ROUTES = ("auto", "closed", "chebyshev", "quadrature")
 MAX_DIGITS = 20000
@@ -137,6 +137,12 @@ class Module:
     def __getattr__(self, name: str) -> Any:
         return self.names[name]
 
+    @property
+    def width(self) -> arb:
+        """Return the length of the control range."""
+        low, high = (arb(end) for end in self.CONTROL_RANGE)
+        return (high - low).mid()
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Resolution:
@@ -186,7 +192,7 @@ def compute(module: Module, route: str, bits: int, resolution: Resolution, names
     with working_precision(max(bits, 96)):
         control = start.control if start else arb(module.ONSET[0])
         frequency = (start.frequency if start else arb(module.ONSET[1])) if hopf else None
-    root = newton(build, module.critical, control, frequency, bits, tolerance_bits, start is not None, abs(arb(module.CONTROL_RANGE[1]) - arb(module.CONTROL_RANGE[0])).mid())
+    root = newton(build, module.critical, control, frequency, bits, tolerance_bits, start is not None, module.width)
     middle = time.perf_counter()
     with working_precision(bits):
         a = build(acb(root.control), acb(root.frequency))
@@ -197,8 +203,7 @@ def compute(module: Module, route: str, bits: int, resolution: Resolution, names
         check_simple(module, a, total)
         if module.QUADRATIC is not None:
             value = module.coefficient_A2(a)
-            scale = 1 + abs(value)
-            quadratic_zero = bool(abs(value).mid() < arb(2) ** (-(tolerance_bits * 3) // 4) * scale)
+            quadratic_zero = vanishes(module, build, root, value, tolerance_bits)
             if not quadratic_zero:
                 values["coefficient_A2"] = value
         wanted = [identifier for _, monomial, identifier in module.COEFFICIENTS if quadratic_zero or monomial != "A**3"]
@@ -220,6 +225,15 @@ def compute(module: Module, route: str, bits: int, resolution: Resolution, names
                 raise EvaluationError(f"equations: {labels} contradict each other beyond the linear terms (residual {size:.3g}); expected redundant equations to follow from the others")
         del names
     return Computed(root=root, values=values, scales=scales, quadratic_zero=quadratic_zero, seconds=(middle - begun, time.perf_counter() - middle))
+
+
+def vanishes(module: Module, build: Build, root: Root, value: acb, goal: int) -> bool:
+    """Tell whether the coefficient of A**2 is zero: what rounding leaves of zero has no digit in common with the value beside the threshold."""
+    size = abs(value).mid()
+    if size == 0 or size > arb(2) ** (-goal // 8):
+        return bool(size == 0)
+    a = build(acb((root.control + module.width * arb(2) ** (-goal // 2)).mid()), acb(root.frequency))
+    return bool(abs(module.coefficient_A2(a) - value).mid() > size * arb(2) ** (-goal // 4))
 
 
 def largest(value: Any) -> float:
@@ -315,12 +329,13 @@ def finished(module: Module, digits: int, route: str, first: Computed, second: C
     root_a, root_b = first.root, second.root
     drift = abs(root_a.control - root_b.control)
     scale_control = abs(root_b.control)
-    zero_control = bool(scale_control < arb(10) ** -(digits + 2) or scale_control < drift * 4)
-    if drift > allowed * max_of(scale_control, arb(10) ** -(digits)):
-        if not (zero_control and drift < arb(10) ** -(digits + 2)):
-            return None, f"two computations of the threshold differ by {drift.str(3, radius=False)}"
+    # zero is what cannot be told from it, on the scale of the control range as well as on the absolute one
+    unresolved = max_of(drift * 4, module.width * arb(2) ** -goal)
+    zero_control = bool(scale_control <= unresolved and unresolved < arb(10) ** -(digits + 2) * min_of(arb(1), module.width))
+    if drift > allowed * scale_control and not zero_control:
+        return None, f"two computations of the threshold differ by {drift.str(3, radius=False)}"
     drift_frequency = abs(root_a.frequency - root_b.frequency)
-    if drift_frequency > allowed * max_of(abs(root_b.frequency), arb(10) ** -digits):
+    if drift_frequency > allowed * abs(root_b.frequency):
         return None, f"two computations of the frequency differ by {drift_frequency.str(3, radius=False)}"
     hopf = module.KIND == "hopf"
     coefficients: list[Coefficient] = []
@@ -336,7 +351,6 @@ def finished(module: Module, digits: int, route: str, first: Computed, second: C
             reason = "the base state or the equations are not smooth in the control there: a fold, which is not of this class" if monomial == "mu*A" else \
                 "the problem is singular at the threshold"
             raise EvaluationError(f"threshold: found no finite coefficient of {monomial}: {reason}")
-    reference = max((abs(value) for _, _, _, value in pairs), default=arb(1))
     for name, monomial, one, other in pairs:
         if not hopf:
             one, other = acb(one.real), acb(other.real)
@@ -345,7 +359,7 @@ def finished(module: Module, digits: int, route: str, first: Computed, second: C
         drift = abs(one - other).mid()
         size = abs(other).mid()
         floor = arb(10) ** -(digits + 2)
-        if size < floor * max_of(arb(1), reference) and drift < floor * max_of(arb(1), reference) and size <= 8 * drift:
+        if size < floor and drift < floor and size <= 8 * drift:
             if monomial.startswith("epsilon"):
                 continue  # zero weak terms are left out
             if monomial != "mu*A":
@@ -392,6 +406,11 @@ def weak_pairs(module: Module, first: Computed, second: Computed) -> list[tuple[
         if abs(two[key]) >= tiny:
             result.append((names.get(text, text), text, one[key], two[key]))
     return result
+
+
+def min_of(a: arb, b: arb) -> arb:
+    """Return the smaller midpoint."""
+    return (a if a.mid() < b.mid() else b).mid()
 
 
 def max_of(a: arb, b: arb) -> arb:

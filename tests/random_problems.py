@@ -359,7 +359,7 @@ def mistakes(result, case, truth):
         difference = abs(claimed - true)
         if difference > allowed * max(abs(true), allowed if claimed == 0 or abs(true) < allowed else 0):
             found.append(f"{name}: {mp.nstr(claimed, case.digits + 3)}, true {mp.nstr(true, case.digits + 5)}")
-        elif difference > mp.mpf(error) * (1 + mp.mpf("1e-6")):
+        elif difference > mp.mpf(error) * (1 + mp.mpf("1e-6")) + allowed**2 * (1 + abs(true)):  # the truth has 2N digits
             found.append(f"{name}: claimed error {error}, true error {mp.nstr(difference, 3)}")
 
     compare("control", mp.mpf(result.threshold.control), control, result.threshold.error)
