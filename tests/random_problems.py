@@ -414,7 +414,7 @@ def main(arguments=None):
     counts, reasons = Counter(), Counter()
     started = time.perf_counter()
     for number in range(options.count):
-        seed, kind = options.seed + number // len(kinds), kinds[number % len(kinds)]
+        seed, kind = options.seed + number, kinds[number % len(kinds)]
         try:
             outcome, reason = verdict(seed, kind)
         except Exception as crash:  # noqa: BLE001  (a crash is counted as wrong, and shown)
