@@ -148,12 +148,13 @@ def taylor(formulation: Formulation, row: RawRow, place: Expr | None) -> TaylorR
     return TaylorRow(terms={key: terms[key] for key in sorted(terms)}, weak=weak, weight=0, label=row.label)
 
 
-def split_polynomial(expression: Expr, symbols: Mapping[Expr, Jet]) -> tuple[list[Mul], Expr]:
+def split_polynomial(expression: Expr, symbols: Mapping[Expr, Jet]) -> tuple[list[Expr], Expr]:
     """Return the products of powers of jets that a row is a sum of, and the rest, which has to be differentiated."""
     steep = any(isinstance(node, Pow) and isinstance(node.base, Add) and node.exp.is_Integer and node.exp > ORDER + 1 for node in expression.atoms(Pow))
     if steep:  # a high power of a sum is not multiplied out
         return [], expression
-    products, rest = [], []
+    products: list[Expr] = []
+    rest: list[Expr] = []
     for term in Add.make_args(expand(expression)):
         free = all(
             factor in symbols or not factor.free_symbols & symbols.keys() or (isinstance(factor, Pow) and factor.base in symbols and factor.exp.is_Integer and factor.exp > 0)

@@ -8,18 +8,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fractions import Fraction
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from flint import acb, arb
 
-from numerics.algebra import Algebra, Constants
+from numerics.algebra import Algebra, Constants, midpoint
 from numerics.closed import Closed
 from numerics.precision import EvaluationError, NotClosed, bits_of, working_precision
-from numerics.sampled import Chebyshev, Gauss, Samples
-from numerics.threshold import Build, Root, newton
+from numerics.sampled import Chebyshev, Gauss, Sampled, Samples
+from numerics.threshold import Build, Level, Root, newton
 
 ROUTES = ("auto", "closed", "chebyshev", "quadrature")
 MAX_DIGITS = 20000
@@ -146,18 +147,30 @@ class Module:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Resolution:
-    """Nodes on each panel and number of panels; not used without sampling."""
+    """Nodes on each panel and the breaks between panels, as shares of the interval; not used without sampling."""
 
     nodes: int
-    panels: int
+    breaks: tuple[Fraction, ...]
+
+    def refined(self, unresolved: frozenset[int]) -> Resolution:
+        """Return the resolution with the panels named cut in halves."""
+        middles = [(self.breaks[k] + self.breaks[k + 1]) / 2 for k in unresolved]
+        return Resolution(nodes=self.nodes, breaks=tuple(sorted((*self.breaks, *middles))))
 
 
-def builder(module: Module, route: str, resolution: Resolution):  # type: ignore[no-untyped-def]
+UNIFORM = tuple(Fraction(k, 4) for k in range(5))
+MAX_PANELS = 1200
+GUARD = 48
+CLOSE = 1e-3
+SINGULAR = "a division by zero: a coefficient of the equations is singular on the interval"
+
+
+def builder(module: Module, route: str, resolution: Resolution, goal: int) -> Build:
     """Return the function that makes the algebra of a route at (control, frequency)."""
     kind = {"closed": Closed, "chebyshev": Chebyshev, "quadrature": Gauss}[route]
-    probe = Constants(control=acb(0), frequency=acb(0), values={})
 
     def build(control: acb, frequency: acb) -> Algebra:
+        probe = Constants(control=acb(0), frequency=acb(0), values={})
         values = {name: acb(value) for name, value in module.parameters(probe).items()}
         common: dict[str, Any] = {"control": control, "frequency": frequency, "values": values}
         if not module.SPATIAL:
@@ -165,9 +178,20 @@ def builder(module: Module, route: str, resolution: Resolution):  # type: ignore
         ends = tuple(acb(end) for end in module.interval(probe))
         if kind is Closed:
             return Closed(ends=ends, **common)  # type: ignore[arg-type]
-        return kind(ends=ends, nodes=resolution.nodes, panels=resolution.panels, **common)
+        return kind(ends=ends, nodes=resolution.nodes, breaks=resolution.breaks, goal=goal, **common)
 
     return build
+
+
+def nodes_for(goal: int) -> int:
+    """Return the nodes on a panel: three bits of the goal each, up to where the tables of a rule cost more than panels."""
+    return min(goal // 3 + 12, 320)
+
+
+def level_of(module: Module, route: str, goal: int, resolution: Resolution, guard: int) -> Level:
+    """Return the level of a goal; on nodes 1.3 bits a node are lost between values and powers."""
+    sampled = module.SPATIAL and route != "closed"
+    return Level(goal=goal, bits=goal + guard + (int(1.3 * resolution.nodes) + 8 if sampled else 0), build=builder(module, route, resolution, goal + 16))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,34 +200,29 @@ class Computed:
 
     root: Root
     values: dict[str, acb]
-    scales: dict[str, arb]
     quadratic_zero: bool
+    unresolved: frozenset[int]
     seconds: tuple[float, float]
 
 
-def compute(module: Module, route: str, bits: int, resolution: Resolution, names: tuple[str, ...], start: Root | None, tolerance_bits: int) -> Computed:
+def compute(module: Module, route: str, goal: int, guard: int, resolution: Resolution, onset: tuple[arb, arb | None], before: Root | None, width: arb | None = None) -> Computed:
     """Return threshold and raw coefficients at one precision and resolution."""
-    hopf = module.KIND == "hopf"
     begun = time.perf_counter()
-
-    def build(control: acb, frequency: acb) -> Algebra:
-        return builder(module, route, resolution)(control, frequency)
-
-    with working_precision(max(bits, 96)):
-        control = start.control if start else arb(module.ONSET[0])
-        frequency = (start.frequency if start else arb(module.ONSET[1])) if hopf else None
-    root = newton(build, module.critical, control, frequency, bits, tolerance_bits, start is not None, module.width)
+    goals = [goal]
+    while before is None and goals[0] > 100:
+        goals.insert(0, goals[0] // 2 + 16)
+    top = level_of(module, route, goal, resolution, guard)
+    levels = [level_of(module, route, one, Resolution(nodes=nodes_for(one), breaks=resolution.breaks), one + guard) for one in goals[:-1]] + [top]
+    root = newton(levels, module.critical, onset, module.width if width is None else width, before)
     middle = time.perf_counter()
-    with working_precision(bits):
-        a = build(acb(root.control), acb(root.frequency))
+    with working_precision(top.bits):
+        a = top.build(acb(root.control), acb(root.frequency))
         values: dict[str, acb] = {}
-        scales: dict[str, arb] = {}
         quadratic_zero = True
-        total = module.xi(a)
-        check_simple(module, a, total)
+        check_simple(module, a, module.xi(a))
         if module.QUADRATIC is not None:
             value = module.coefficient_A2(a)
-            quadratic_zero = vanishes(module, build, root, value, tolerance_bits)
+            quadratic_zero = vanishes(module, top.build, root, value, goal)
             if not quadratic_zero:
                 values["coefficient_A2"] = value
         wanted = [identifier for _, monomial, identifier in module.COEFFICIENTS if quadratic_zero or monomial != "A**3"]
@@ -211,20 +230,26 @@ def compute(module: Module, route: str, bits: int, resolution: Resolution, names
             values[identifier] = module.names[identifier](a)
         for name, _, _ in module.WEAK:
             values[name] = module.names[name](a)
-        for identifier, mirror in module.MIRROR:
-            if identifier in values:
-                other = module.names[mirror](a)
-                if abs(other - values[identifier]).mid() > arb(2) ** (-(tolerance_bits // 2)) * (1 + abs(other)):
-                    raise EvaluationError("rotation_axis: found different coefficients for the two senses of rotation: the problem is not unchanged by reflections, and its amplitude "
-                                          "equation is not of this class; drop rotation_axis")
-        demands = [*module.consistency(a), *(module.consistency_cubic(a) if quadratic_zero else ())]
-        for labels, condition in demands:
-            size = largest(condition)
-            reference = max((largest(one) for one in module.mode(a)), default=1.0)
-            if size > 2.0 ** (-min(tolerance_bits // 2, 300)) * max(1.0, reference) ** 2:
-                raise EvaluationError(f"equations: {labels} contradict each other beyond the linear terms (residual {size:.3g}); expected redundant equations to follow from the others")
-        del names
-    return Computed(root=root, values=values, scales=scales, quadratic_zero=quadratic_zero, seconds=(middle - begun, time.perf_counter() - middle))
+        unresolved = frozenset(a.unresolved) if isinstance(a, Sampled) else frozenset()
+        if not unresolved:
+            check_consistent(module, a, values, quadratic_zero, goal)
+    return Computed(root=root, values=values, quadratic_zero=quadratic_zero, unresolved=unresolved, seconds=(middle - begun, time.perf_counter() - middle))
+
+
+def check_consistent(module: Module, a: Algebra, values: dict[str, acb], quadratic_zero: bool, tolerance_bits: int) -> None:
+    """Refuse two senses of rotation that differ, and redundant equations that contradict each other."""
+    for identifier, mirror in module.MIRROR:
+        if identifier in values:
+            other = module.names[mirror](a)
+            if abs(other - values[identifier]).mid() > arb(2) ** (-(tolerance_bits // 2)) * (1 + abs(other)):
+                raise EvaluationError("rotation_axis: found different coefficients for the two senses of rotation: the problem is not unchanged by reflections, and its amplitude "
+                                      "equation is not of this class; drop rotation_axis")
+    demands = [*module.consistency(a), *(module.consistency_cubic(a) if quadratic_zero else ())]
+    for labels, condition in demands:
+        size = largest(condition)
+        reference = max((largest(one) for one in module.mode(a)), default=1.0)
+        if size > 2.0 ** (-min(tolerance_bits // 2, 300)) * max(1.0, reference) ** 2:
+            raise EvaluationError(f"equations: {labels} contradict each other beyond the linear terms (residual {size:.3g}); expected redundant equations to follow from the others")
 
 
 def vanishes(module: Module, build: Build, root: Root, value: acb, goal: int) -> bool:
@@ -255,12 +280,7 @@ def check_simple(module: Module, a: Algebra, total: acb) -> None:
         raise EvaluationError("threshold: found a vanishing product of direct and adjoint mode: the critical eigenvalue is defective; expected a simple one")
 
 
-def start_resolution(digits: int) -> Resolution:
-    """Return nodes and panels for a problem with moderate exponents."""
-    return Resolution(nodes=14 + digits // 4, panels=3 + digits // 10) if digits <= 100 else Resolution(nodes=24 + digits // 7, panels=8 + digits // 16)
-
-
-def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: str = "auto", certify: bool = False) -> Result:
+def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: str = "auto", certify: bool = False, near: tuple[str, str | None] | None = None) -> Result:
     """Return threshold and coefficients, each right to `digits` significant digits of its modulus.
 
     Parameters
@@ -271,6 +291,9 @@ def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: s
         Significant digits of the modulus.
     route
         `closed`, `chebyshev`, `quadrature`, or `auto`: closed where it exists, else chebyshev.
+    near
+        (control, frequency) as text, frequency None when steady: the coefficients at the critical point there. It need not be the first
+        loss of stability, and nothing is said of the stability of the base state.
 
     Raises
     ------
@@ -285,42 +308,108 @@ def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: s
         raise EvaluationError("--certify: found no certified route for this problem; run without it: the error is then estimated from two computations")
     module = Module(emitted)
     if route != "auto":
-        return evaluate_route(module, digits, route)
+        return evaluate_route(module, digits, route, near)
     try:
-        return evaluate_route(module, digits, "closed")
+        return evaluate_route(module, digits, "closed", near)
     except NotClosed:
-        return evaluate_route(module, digits, "chebyshev")
+        return evaluate_route(module, digits, "chebyshev", near)
 
 
-def evaluate_route(module: Module, digits: int, route: str) -> Result:
-    """Return the result of one route, raising precision and resolution until the digits are there."""
-    guard = 48
+def evaluate_route(module: Module, digits: int, route: str, near: tuple[str, str | None] | None = None) -> Result:
+    """Return the result of one route, raising precision and resolution until two computations agree to the digits."""
     goal = bits_of(digits + 3)
-    bits = goal + guard
-    resolution = start_resolution(digits)
-    sampled = module.SPATIAL and route != "closed"
+    guard, sampled = GUARD, module.SPATIAL and route != "closed"
+    with working_precision(max(goal, 96)):
+        control, frequency = near if near is not None else module.ONSET
+        onset = (arb(control), arb(frequency) if module.KIND == "hopf" else None)
+        width = None if near is None else (20 * max_of(abs(onset[0]), module.width * arb(2) ** -8)).mid()  # a root within two per cent of what was said
+    resolution = Resolution(nodes=nodes_for(goal), breaks=adapted(module, route, onset, width) if sampled else UNIFORM)
     previous: Computed | None = None
+    root: Root | None = None
     seconds = [0.0, 0.0]
     reason = ""
-    for _attempt in range(9):
+    for _attempt in range(24):
         try:
-            current = compute(module, route, bits, resolution, (), previous.root if previous else None, goal)
-        except NotClosed:
-            raise
+            current = compute(module, route, goal, guard, resolution, onset, root, width)
         except ZeroDivisionError as problem:
-            raise EvaluationError("a division by zero: a coefficient of the equations is singular on the interval") from problem
+            raise EvaluationError(SINGULAR) from problem
         seconds = [seconds[0] + current.seconds[0], seconds[1] + current.seconds[1]]
+        if current.unresolved:
+            resolution = cut(resolution, current.unresolved)
+            previous, root, reason = None, None, f"{len(current.unresolved)} panels are not resolved"
+            continue
         if previous is not None and set(previous.values) == set(current.values):
-            with working_precision(bits + 64):
+            with working_precision(goal + guard + 64):
                 result, reason = finished(module, digits, route, previous, current, seconds, goal)
             if result is not None:
-                return result
-        previous = current
-        bits += 40 if _attempt == 0 else bits // 4
-        if sampled:
-            resolution = Resolution(nodes=resolution.nodes + 6, panels=resolution.panels + 1) if _attempt == 0 else \
-                Resolution(nodes=resolution.nodes * 5 // 4, panels=resolution.panels * 3 // 2)
+                return replace(result, warnings=(*result.warnings, *close_calls(module, route, resolution, current.root, near is None)))
+            guard += guard // 2 + goal // 4
+            goal += 16
+        previous, root = current, current.root
+        guard += 40
+        resolution = Resolution(nodes=resolution.nodes + 6 + resolution.nodes // 16, breaks=resolution.breaks)
     raise EvaluationError(f"{module.NAME}: {digits} digits by {route} are not reached: {reason}; ask for fewer digits or another route")
+
+
+def close_calls(module: Module, route: str, resolution: Resolution, root: Root, first: bool) -> tuple[str, ...]:
+    """Return a warning with the distance for each resonance that is close: D_h = 0 for a harmonic h at a control or frequency near the threshold."""
+    warnings = []
+    level = level_of(module, route, 40, Resolution(nodes=nodes_for(60), breaks=resolution.breaks), GUARD)
+    with working_precision(level.bits):
+        control, frequency = root.control, root.frequency
+        step_control = ((abs(control) + module.width * arb(2) ** -8) * arb(2) ** -24).mid()
+        step_frequency = (abs(frequency) * arb(2) ** -24).mid()
+        for name in sorted(one for one in module.names if one.startswith("operator_")):
+            def value(c: arb, w: arb, name: str = name) -> acb:
+                a = level.build(acb(c.mid()), acb(w.mid()))
+                return midpoint(a.determinant(module.names[name](a)))  # type: ignore[attr-defined]
+
+            here = value(control, frequency)
+            slopes = [(abs(value(control + step_control, frequency) - here) / step_control).mid() * max_of(abs(control), module.width * arb(2) ** -8)]
+            if step_frequency != 0:
+                slopes.append((abs(value(control, frequency + step_frequency) - here) / step_frequency).mid() * abs(frequency))
+            slope = max(float(one.mid() / abs(here).mid()) if here != 0 else float("inf") for one in slopes)
+            if slope * CLOSE > 1:
+                warnings.append(f"the linear problem of harmonic {name.removeprefix('operator_')} is singular at a relative distance of about {1 / slope:.2g} in control or frequency: "
+                                "a resonance; the amplitude equation holds in a range smaller than that")
+    if first:
+        for value_, distance in module.names.get("NEAR_CRITICAL", ()):
+            warnings.append(f"another eigenvalue, {value_}, is within a relative distance of {distance} of the imaginary axis at the threshold: two modes are nearly critical together; "
+                            "the amplitude equation of one holds in a range smaller than that")
+    return tuple(warnings)
+
+
+def cut(resolution: Resolution, unresolved: frozenset[int]) -> Resolution:
+    """Return the refined resolution, or refuse what stays unresolved on a thousand panels."""
+    finer = resolution.refined(unresolved)
+    narrowest = min(b - a for a, b in zip(finer.breaks, finer.breaks[1:], strict=False))
+    if len(finer.breaks) > MAX_PANELS or narrowest < Fraction(1, 2**40):
+        raise EvaluationError("a coefficient of the equations or a mode is not resolved on the finest panels; expected functions that are smooth on the interval, its ends included")
+    return finer
+
+
+def adapted(module: Module, route: str, onset: tuple[arb, arb | None], width: arb | None) -> tuple[Fraction, ...]:
+    """Return the breaks that resolve every function of the problem to the digits of a double, where panels are cheap."""
+    goal = 60
+    resolution = Resolution(nodes=nodes_for(goal), breaks=UNIFORM)
+    while True:  # first the critical problem alone, without which Newton's method has nothing to start from
+        level = level_of(module, route, goal, resolution, GUARD)
+        with working_precision(level.bits):
+            a = level.build(acb(onset[0]), acb(onset[1] or 0))
+            assert isinstance(a, Sampled)
+            try:
+                a.determinant(module.critical(a))
+            except ZeroDivisionError as problem:
+                raise EvaluationError(SINGULAR) from problem
+        if not a.unresolved:
+            break
+        resolution = cut(resolution, frozenset(a.unresolved))
+    for _ in range(24):
+        unresolved = compute(module, route, goal, GUARD, resolution, onset, None, width).unresolved
+        if not unresolved:
+            break
+        resolution = cut(resolution, unresolved)
+    return resolution.breaks
 
 
 def finished(module: Module, digits: int, route: str, first: Computed, second: Computed, seconds: list[float], goal: int) -> tuple[Result | None, str]:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from mpmath import mp
-from sympy import Matrix, Rational, Symbol, eye, exp, pi, sin, symbols, tanh, zeros
+from sympy import Matrix, Rational, Symbol, exp, pi, sin, symbols, tanh, zeros
 
 from derive import Problem, derive_amplitude_equation, epsilon, field, vector_field
 from derive.problem import DerivationError, ProblemError
