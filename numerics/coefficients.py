@@ -161,6 +161,7 @@ class Resolution:
 UNIFORM = tuple(Fraction(k, 4) for k in range(5))
 MAX_PANELS = 1200
 GUARD = 48
+SMALL_GUARD = 160
 CLOSE = 1e-3
 SINGULAR = "a division by zero: a coefficient of the equations is singular on the interval"
 
@@ -213,7 +214,7 @@ def compute(module: Module, route: str, goal: int, guard: int, resolution: Resol
         goals.insert(0, goals[0] // 2 + 16)
     top = level_of(module, route, goal, resolution, guard)
     levels = [level_of(module, route, one, Resolution(nodes=nodes_for(one), breaks=resolution.breaks), one + guard) for one in goals[:-1]] + [top]
-    root = newton(levels, module.critical, onset, module.width if width is None else width, before)
+    root = newton(levels, module.critical, onset, module.width if width is None else width, guard - 8, before)
     middle = time.perf_counter()
     with working_precision(top.bits):
         a = top.build(acb(root.control), acb(root.frequency))
@@ -338,9 +339,12 @@ def evaluate_route(module: Module, digits: int, route: str, near: tuple[str, str
             resolution = cut(resolution, current.unresolved)
             previous, root, reason = None, None, f"{len(current.unresolved)} panels are not resolved"
             continue
+        if guard < SMALL_GUARD and abs(current.root.control) < module.width * arb(2) ** -30:  # zero, or tiny: tell which
+            previous, root, guard = None, None, SMALL_GUARD
+            continue
         if previous is not None and set(previous.values) == set(current.values):
             with working_precision(goal + guard + 64):
-                result, reason = finished(module, digits, route, previous, current, seconds, goal)
+                result, reason = finished(module, digits, route, previous, current, seconds, goal, guard)
             if result is not None:
                 return replace(result, warnings=(*result.warnings, *close_calls(module, route, resolution, current.root, near is None)))
             guard += guard // 2 + goal // 4
@@ -412,14 +416,14 @@ def adapted(module: Module, route: str, onset: tuple[arb, arb | None], width: ar
     return resolution.breaks
 
 
-def finished(module: Module, digits: int, route: str, first: Computed, second: Computed, seconds: list[float], goal: int) -> tuple[Result | None, str]:
+def finished(module: Module, digits: int, route: str, first: Computed, second: Computed, seconds: list[float], goal: int, guard: int) -> tuple[Result | None, str]:
     """Return the result when both computations agree to the digits asked for, else the reason why not."""
     allowed = arb(10) ** -(digits + 1)
     root_a, root_b = first.root, second.root
     drift = abs(root_a.control - root_b.control)
     scale_control = abs(root_b.control)
     # zero is what cannot be told from it, on the scale of the control range as well as on the absolute one
-    unresolved = max_of(drift * 4, module.width * arb(2) ** -goal)
+    unresolved = max_of(drift * 4, module.width * arb(2) ** (24 - goal - guard))
     zero_control = bool(scale_control <= unresolved and unresolved < arb(10) ** -(digits + 2) * min_of(arb(1), module.width))
     if drift > allowed * scale_control and not zero_control:
         return None, f"two computations of the threshold differ by {drift.str(3, radius=False)}"

@@ -38,8 +38,10 @@ class Root:
     slopes_bits: int
 
 
-def newton(levels: Sequence[Level], critical: Callable, start: tuple[arb, arb | None], width: arb, before: Root | None = None) -> Root:  # type: ignore[type-arg]
+def newton(levels: Sequence[Level], critical: Callable, start: tuple[arb, arb | None], width: arb, floor: int, before: Root | None = None) -> Root:  # type: ignore[type-arg]
     """Return the root of the critical determinant near a start; `before` is the root of a computation with fewer bits.
+
+    A control below `width` 2^-`floor` has fewer digits than the goal: it may be zero.
 
     Raises
     ------
@@ -65,7 +67,7 @@ def newton(levels: Sequence[Level], critical: Callable, start: tuple[arb, arb | 
                     slopes, known = differences(value, centre, control, frequency, width, level.bits), 0
                 step_control, step_frequency = solve_real(slopes, centre, frequency is None)
                 control = (control - step_control).mid()
-                size = abs(step_control) / (abs(control) + width * arb(2) ** -20)
+                size = abs(step_control) / (abs(control) + width * arb(2) ** -floor)
                 moved = abs(step_control) / width
                 if frequency is not None:
                     frequency = (frequency - step_frequency).mid()
