@@ -79,7 +79,7 @@ def test_a_start_that_is_no_critical_point_is_refused():
         evaluate(derivation_of("follower_force").emit(), near=("120", "1000"))
 
 
-@pytest.mark.parametrize("stiffness", ["1/40", "1/1000"])
+@pytest.mark.parametrize("stiffness", ["1/40", pytest.param("1/1000", marks=pytest.mark.slow)])
 def test_large_exponents_and_boundary_layers(stiffness):
     """u_t = -(e u'')'' + u'' + c u - u^3 clamped: exponents +-1/sqrt(e) = 40 and 1000, layers of that width at both ends."""
     text = emitted(u.diff(t) + Rational(stiffness) ** 2 * u.diff(s, 4) - u.diff(s, 2) - c * u + u**3 + u**2 * u.diff(s), {u: 0}, (0, 20), (u, Rational(1, 2)),
@@ -162,7 +162,7 @@ def test_two_modes_nearly_critical_together():
 # Stiff layers and rapid oscillation
 
 
-@pytest.mark.parametrize("steep", [30, 1000])
+@pytest.mark.parametrize("steep", [pytest.param(30, marks=pytest.mark.slow), pytest.param(1000, marks=pytest.mark.slow)])
 def test_a_thin_layer_of_a_coefficient(steep):
     """A coefficient with a layer of width 1/steep at the wall: two routes with other nodes agree."""
     text = emitted(u.diff(t) - u.diff(s, 2) - c * u * tanh(steep * s) + u**3 * (1 + exp(-steep * s)), {u: 0}, (0, 30), (u, 1),
@@ -170,6 +170,7 @@ def test_a_thin_layer_of_a_coefficient(steep):
     agree(evaluate(text, digits=8, route="chebyshev"), evaluate(text, digits=16, route="quadrature"), 8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("route", ["closed", "chebyshev", "quadrature"])
 def test_a_rapidly_oscillating_mode(route):
     """u_t = (c + 1) u - (1 + d_ss/144)^2 u - u^3 on (0, pi): sin(12 s), threshold -1, A^3 coefficient -3/4."""
