@@ -131,7 +131,7 @@ def test_a_nearly_resonant_second_harmonic_is_right_and_warned_of(d):
 
 
 def test_a_resonant_second_harmonic_is_refused():
-    with pytest.raises(DerivationError, match="2i at c"):
+    with pytest.raises(ProblemError, match="2i at c"):
         resonant_text(Rational(0))
 
 
