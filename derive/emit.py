@@ -21,8 +21,10 @@ from derive.response import Operator, Response
 if TYPE_CHECKING:
     from derive.amplitude import Coefficient
     from derive.derivation import Derivation
+    from derive.onset import Onset
 
 WIDTH = 98
+CLOSE = 1e-3
 FUNCTIONS = {"exp", "sin", "cos", "tan", "sinh", "cosh", "tanh", "log", "asin", "acos", "atan", "asinh", "acosh", "atanh", "erf"}
 
 
@@ -307,6 +309,9 @@ def emit(derivation: Derivation) -> str:
     else:
         lines += ["WEAK = ()"]
     lines += parameter_lines(derivation)
+    close = nearly_critical(onset)
+    if close:
+        lines += ["NEAR_CRITICAL = ("] + [f'    ("{value}", "{distance}"),' for value, distance in close] + [")"]
     ends = ", ".join(printer.text(end) for end in formulation.interval) if formulation.interval else ""
     lines += ["", "", "def interval(a):", '    """Return the ends of the interval."""', f"    return ({ends})"] if spatial else []
     lines += ["", "", "def parameters(a):", '    """Return the values of the parameters."""', "    return {"]
@@ -397,6 +402,18 @@ def fields_lines(derivation: Derivation, printer: Printer) -> list[str]:
             lines += ["        }),"]
         lines += ["    )"] if terms else []
     return lines
+
+
+def nearly_critical(onset: Onset) -> list[tuple[str, str]]:
+    """Return the other eigenvalues that are nearly on the imaginary axis, with their relative distance from it; to two digits, which rounding leaves alone."""
+    scale = max([onset.frequency or 0.0, *(abs(value) for value in onset.other_eigenvalues)])
+    found = []
+    for value in onset.other_eigenvalues:
+        distance = abs(value.real) / max(abs(value.imag), scale)
+        if distance < CLOSE and value.imag >= -1e-9 * scale:
+            text = f"{value.real:.2g}" if abs(value.imag) <= 1e-9 * scale else f"{value.real:.2g} + {value.imag:.4g}i"
+            found.append((text, f"{distance:.2g}"))
+    return found
 
 
 def consistency_lines(name: str, title: str, spare: Sequence[tuple[str, str, Expr]], derivation: Derivation, printer: Printer) -> list[str]:

@@ -8,11 +8,12 @@ ever written by hand: the monomial :math:`z_j z_k` of the row is the product of 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from math import comb as binomial
 from math import factorial
 
-from sympy import Expr, I, Integer, Rational, expand, nan, oo, zoo
+from sympy import Add, Expr, I, Integer, Mul, Pow, Rational, Symbol, expand, nan, oo, zoo
 
 from derive.problem import Formulation, Jet, ProblemError, RawRow, base_jets
 
@@ -117,8 +118,9 @@ def taylor(formulation: Formulation, row: RawRow, place: Expr | None) -> TaylorR
     def used(expression: Expr) -> list[Jet]:
         return sorted(symbols[symbol] for symbol in expression.free_symbols if symbol in symbols)  # type: ignore[attr-defined]
 
-    terms: dict[tuple[Jet, ...], Expr] = {}
-    derivatives: dict[tuple[Jet, ...], Expr] = {(): nominal}
+    polynomial, rest = split_polynomial(nominal, symbols)
+    raw: dict[tuple[Jet, ...], Expr] = polynomial_terms(polynomial, symbols, base)
+    derivatives: dict[tuple[Jet, ...], Expr] = {(): rest}
     for _ in range(ORDER):
         higher: dict[tuple[Jet, ...], Expr] = {}
         for jets, expression in derivatives.items():
@@ -133,10 +135,10 @@ def taylor(formulation: Formulation, row: RawRow, place: Expr | None) -> TaylorR
                 repeats = 1
                 for one in set(key):
                     repeats *= factorial(key.count(one))
-                value = at_base(derivative) * Rational(1, repeats)
-                if not formulation.probe.is_zero(value):
-                    terms[key] = expand(value)
+                raw[key] = raw.get(key, Integer(0)) + at_base(derivative) * Rational(1, repeats)
         derivatives = higher
+    values = {key: at_base(raw[key]) for key in sorted(raw)}
+    terms = {key: value for key, value in values.items() if not formulation.probe.is_zero(value)}
     weak: dict[Jet, Expr] = {}
     effect = row.expression.diff(formulation.weak).xreplace({formulation.weak: Integer(0)})
     for jet in used(effect):
@@ -144,6 +146,46 @@ def taylor(formulation: Formulation, row: RawRow, place: Expr | None) -> TaylorR
         if not formulation.probe.is_zero(value):
             weak[jet] = value
     return TaylorRow(terms={key: terms[key] for key in sorted(terms)}, weak=weak, weight=0, label=row.label)
+
+
+def split_polynomial(expression: Expr, symbols: Mapping[Expr, Jet]) -> tuple[list[Expr], Expr]:
+    """Return the products of powers of jets that a row is a sum of, and the rest, which has to be differentiated."""
+    steep = any(isinstance(node, Pow) and isinstance(node.base, Add) and node.exp.is_Integer and node.exp > ORDER + 1 for node in expression.atoms(Pow))
+    if steep:  # a high power of a sum is not multiplied out
+        return [], expression
+    products: list[Expr] = []
+    rest: list[Expr] = []
+    for term in Add.make_args(expand(expression)):
+        free = all(
+            factor in symbols or not factor.free_symbols & symbols.keys() or (isinstance(factor, Pow) and factor.base in symbols and factor.exp.is_Integer and factor.exp > 0)
+            for factor in Mul.make_args(term)
+        )
+        (products if free else rest).append(term)
+    return products, Add(*rest)
+
+
+def polynomial_terms(products: Iterable[Expr], symbols: Mapping[Expr, Jet], base: Mapping[Symbol, Expr]) -> dict[tuple[Jet, ...], Expr]:
+    """Return the Taylor terms of products of powers: (b + h)^e = sum_k C(e, k) b^(e - k) h^k."""
+    found: dict[tuple[Jet, ...], list[Expr]] = {}
+    for term in products:
+        partial: dict[tuple[Jet, ...], Expr] = {(): Integer(1)}
+        for factor in Mul.make_args(term):
+            symbol, power = (factor.base, int(factor.exp)) if isinstance(factor, Pow) and factor.base in symbols else (factor, 1)
+            if symbol not in symbols:
+                partial = {jets: value * factor for jets, value in partial.items()}
+                continue
+            raised: dict[tuple[Jet, ...], Expr] = {}
+            for jets, value in partial.items():
+                for k in range(min(power, ORDER - len(jets)) + 1):
+                    share = value * binomial(power, k) * base[symbol] ** (power - k)
+                    if share != 0:
+                        key = tuple(sorted((*jets, *[symbols[symbol]] * k)))
+                        raised[key] = raised.get(key, Integer(0)) + share
+            partial = raised
+        for jets, value in partial.items():
+            if jets:
+                found.setdefault(jets, []).append(value)
+    return {jets: Add(*values) for jets, values in found.items()}
 
 
 def pure_rows(rows: tuple[TaylorRow, ...], formulation: Formulation) -> tuple[TaylorRow, ...]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigvals, lu_factor, lu_solve
 from scipy.optimize import brentq, minimize_scalar
-from sympy import Expr, I, Poly, Symbol, fraction, lambdify, lcm, together
+from sympy import Expr, I, Integer, Matrix, Poly, Rational, Symbol, expand, fraction, lambdify, lcm, together
 from threadpoolctl import threadpool_limits
 
 from derive.operator import LAMBDA, FirstOrderOperator
@@ -61,6 +61,7 @@ class Pencil:
         else:
             table = [polynomial_row(list(row), False) for row in operator.matrix]
             self.counts = (0, 0)
+        self.finite = None if isinstance(operator, FirstOrderOperator) else finite_eigenvalues(operator, formulation)
         self.degree = max((len(entry) - 1 for row in table for entry in row), default=0)
         flat = [entry[k] if k < len(entry) else 0 for row in table for entry in row for k in range(self.degree + 1)]
         self.width = [len(row) for row in table]
@@ -165,8 +166,22 @@ class Pencil:
             companion[:m, (k - 1) * m:k * m] = -(shifted[k][held] @ inverse)
         companion[m:, :-m] = np.eye((degree - 1) * m)
         theta = eigvals(companion)
+        if self.finite is not None:  # what rounding leaves of a defective infinite eigenvalue is not small: their number is known
+            theta = theta[np.argsort(-np.abs(theta), kind="stable")[:self.finite]]
         theta = theta[np.abs(theta) > 1e-13 * max(1.0, float(np.abs(theta).max(initial=0.0)))]
         return shift + 1 / theta
+
+
+def finite_eigenvalues(operator: AlgebraicOperator, formulation: Formulation) -> int:
+    """Return the degree of det M in lambda, at a control without meaning."""
+    low, high = formulation.control_range
+    control = low + (high - low) * Rational(61803, 100000)
+    entries = [[entry.subs(formulation.parameters).subs(formulation.control, control) if isinstance(entry, Expr) else entry for entry in row] for row in operator.matrix]
+    determinant = expand(Matrix(entries).det(method="berkowitz")) if entries else Integer(1)
+    if LAMBDA not in determinant.free_symbols:
+        return 0
+    sizes = [abs(complex(coefficient.evalf(30))) for coefficient in Poly(fraction(together(determinant))[0], LAMBDA).all_coeffs()]
+    return next(len(sizes) - 1 - k for k, size in enumerate(sizes) if size > 1e-20 * max(sizes))
 
 
 def binomial(n: int, k: int) -> int:

@@ -16,9 +16,9 @@ import numpy as np
 from flint import arb
 
 from numerics import batch, doubles, sampled
-from numerics.coefficients import Module, Resolution, Result, compute, evaluate
+from numerics.coefficients import Module, Resolution, Result, compute, evaluate, uniform
 from numerics.naive import Naive, Nested, NestedFiner, Sums, evaluate_naively
-from numerics.precision import EvaluationError, bits_of
+from numerics.precision import EvaluationError, bits_of, working_precision
 
 Values = dict[str, tuple[Any, Any]]
 """name: (value, claimed error or None); a value is text, a pair of texts, or a number of Python or mpmath"""
@@ -94,7 +94,9 @@ def naive_values(text: str, kind: type[Naive], digits: int) -> Values:
 
 def once(module: Module, route: str, digits: int, nodes: int) -> Values:
     """Return one computation with fixed nodes on two panels, checked to `digits` only: no second one, so it claims nothing."""
-    result = compute(module, route, 192, Resolution(nodes=nodes, panels=2), (), None, bits_of(digits))
+    with working_precision(192):
+        onset = (arb(module.ONSET[0]), arb(module.ONSET[1]) if module.KIND == "hopf" else None)
+    result = compute(module, route, bits_of(digits), 192, Resolution(nodes=nodes, breaks=uniform(2)), onset, None)
     digits = 48
     values: Values = {"control": (arb_text(result.root.control, digits), None)}
     if module.KIND == "hopf":

@@ -8,18 +8,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fractions import Fraction
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from flint import acb, arb
 
-from numerics.algebra import Algebra, Constants
+from numerics.algebra import Algebra, Constants, midpoint
 from numerics.closed import Closed
 from numerics.precision import EvaluationError, NotClosed, bits_of, working_precision
-from numerics.sampled import Chebyshev, Gauss, Samples
-from numerics.threshold import Root, newton
+from numerics.sampled import Chebyshev, Gauss, Sampled, Samples
+from numerics.threshold import Build, Level, Root, newton
 
 ROUTES = ("auto", "closed", "chebyshev", "quadrature")
 MAX_DIGITS = 20000
@@ -137,21 +138,45 @@ class Module:
     def __getattr__(self, name: str) -> Any:
         return self.names[name]
 
+    @property
+    def width(self) -> arb:
+        """Return the length of the control range."""
+        low, high = (arb(end) for end in self.CONTROL_RANGE)
+        return (high - low).mid()
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Resolution:
-    """Nodes on each panel and number of panels; not used without sampling."""
+    """Nodes on each panel and the breaks between panels, as shares of the interval; not used without sampling."""
 
     nodes: int
-    panels: int
+    breaks: tuple[Fraction, ...]
+
+    def refined(self, unresolved: frozenset[int]) -> Resolution:
+        """Return the resolution with the panels named cut in halves."""
+        middles = [(self.breaks[k] + self.breaks[k + 1]) / 2 for k in unresolved]
+        return Resolution(nodes=self.nodes, breaks=tuple(sorted((*self.breaks, *middles))))
 
 
-def builder(module: Module, route: str, resolution: Resolution):  # type: ignore[no-untyped-def]
+def uniform(panels: int) -> tuple[Fraction, ...]:
+    """Return the breaks of panels of equal length."""
+    return tuple(Fraction(k, panels) for k in range(panels + 1))
+
+
+UNIFORM = uniform(4)
+MAX_PANELS = 1200
+GUARD = 48
+SMALL_GUARD = 160
+CLOSE = 1e-3
+SINGULAR = "a division by zero: a coefficient of the equations is singular on the interval"
+
+
+def builder(module: Module, route: str, resolution: Resolution, goal: int) -> Build:
     """Return the function that makes the algebra of a route at (control, frequency)."""
     kind = {"closed": Closed, "chebyshev": Chebyshev, "quadrature": Gauss}[route]
-    probe = Constants(control=acb(0), frequency=acb(0), values={})
 
     def build(control: acb, frequency: acb) -> Algebra:
+        probe = Constants(control=acb(0), frequency=acb(0), values={})
         values = {name: acb(value) for name, value in module.parameters(probe).items()}
         common: dict[str, Any] = {"control": control, "frequency": frequency, "values": values}
         if not module.SPATIAL:
@@ -159,9 +184,20 @@ def builder(module: Module, route: str, resolution: Resolution):  # type: ignore
         ends = tuple(acb(end) for end in module.interval(probe))
         if kind is Closed:
             return Closed(ends=ends, **common)  # type: ignore[arg-type]
-        return kind(ends=ends, nodes=resolution.nodes, panels=resolution.panels, **common)
+        return kind(ends=ends, nodes=resolution.nodes, breaks=resolution.breaks, goal=goal, **common)
 
     return build
+
+
+def nodes_for(goal: int) -> int:
+    """Return the nodes on a panel: three bits of the goal each, up to where the tables of a rule cost more than panels."""
+    return min(goal // 3 + 12, 320)
+
+
+def level_of(module: Module, route: str, goal: int, resolution: Resolution, guard: int) -> Level:
+    """Return the level of a goal; on nodes 1.3 bits a node are lost between values and powers."""
+    sampled = module.SPATIAL and route != "closed"
+    return Level(goal=goal, bits=goal + guard + (int(1.3 * resolution.nodes) + 8 if sampled else 0), build=builder(module, route, resolution, goal + 16))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,55 +206,66 @@ class Computed:
 
     root: Root
     values: dict[str, acb]
-    scales: dict[str, arb]
     quadratic_zero: bool
+    unresolved: frozenset[int]
     seconds: tuple[float, float]
 
 
-def compute(module: Module, route: str, bits: int, resolution: Resolution, names: tuple[str, ...], start: Root | None, tolerance_bits: int) -> Computed:
+def compute(module: Module, route: str, goal: int, guard: int, resolution: Resolution, onset: tuple[arb, arb | None], before: Root | None, width: arb | None = None,
+            only: tuple[str, ...] = ()) -> Computed:
     """Return threshold and raw coefficients at one precision and resolution."""
-    hopf = module.KIND == "hopf"
     begun = time.perf_counter()
-
-    def build(control: acb, frequency: acb) -> Algebra:
-        return builder(module, route, resolution)(control, frequency)
-
-    with working_precision(max(bits, 96)):
-        control = start.control if start else arb(module.ONSET[0])
-        frequency = (start.frequency if start else arb(module.ONSET[1])) if hopf else None
-    root = newton(build, module.critical, control, frequency, bits, tolerance_bits, start is not None, abs(arb(module.CONTROL_RANGE[1]) - arb(module.CONTROL_RANGE[0])).mid())
+    goals = [goal]
+    while before is None and goals[0] > 100:
+        goals.insert(0, goals[0] // 2 + 16)
+    top = level_of(module, route, goal, resolution, guard)
+    levels = [level_of(module, route, one, Resolution(nodes=nodes_for(one), breaks=resolution.breaks), one + guard) for one in goals[:-1]] + [top]
+    root = newton(levels, module.critical, onset, module.width if width is None else width, guard - 8, before)
     middle = time.perf_counter()
-    with working_precision(bits):
-        a = build(acb(root.control), acb(root.frequency))
+    with working_precision(top.bits):
+        a = top.build(acb(root.control), acb(root.frequency))
         values: dict[str, acb] = {}
-        scales: dict[str, arb] = {}
         quadratic_zero = True
-        total = module.xi(a)
-        check_simple(module, a, total)
+        check_simple(module, a, module.xi(a))
         if module.QUADRATIC is not None:
             value = module.coefficient_A2(a)
-            scale = 1 + abs(value)
-            quadratic_zero = bool(abs(value).mid() < arb(2) ** (-(tolerance_bits * 3) // 4) * scale)
+            quadratic_zero = vanishes(module, top.build, root, value, goal)
             if not quadratic_zero:
                 values["coefficient_A2"] = value
-        wanted = [identifier for name, monomial, identifier in module.COEFFICIENTS if (quadratic_zero or monomial != "A**3") and (not names or {name, monomial} & set(names))]
+        wanted = [identifier for name, monomial, identifier in module.COEFFICIENTS if (quadratic_zero or monomial != "A**3") and (not only or {name, monomial} & set(only))]
         for identifier in wanted:
             values[identifier] = module.names[identifier](a)
-        for name, _, _ in module.WEAK if not names else ():
+        for name, _, _ in module.WEAK if not only else ():
             values[name] = module.names[name](a)
-        for identifier, mirror in module.MIRROR:
-            if identifier in values:
-                other = module.names[mirror](a)
-                if abs(other - values[identifier]).mid() > arb(2) ** (-(tolerance_bits // 2)) * (1 + abs(other)):
-                    raise EvaluationError("rotation_axis: found different coefficients for the two senses of rotation: the problem is not unchanged by reflections, and its amplitude "
-                                          "equation is not of this class; drop rotation_axis")
-        demands = [*module.consistency(a), *(module.consistency_cubic(a) if quadratic_zero else ())]
-        for labels, condition in demands:
-            size = largest(condition)
-            reference = max((largest(one) for one in module.mode(a)), default=1.0)
-            if size > 2.0 ** (-min(tolerance_bits // 2, 300)) * max(1.0, reference) ** 2:
-                raise EvaluationError(f"equations: {labels} contradict each other beyond the linear terms (residual {size:.3g}); expected redundant equations to follow from the others")
-    return Computed(root=root, values=values, scales=scales, quadratic_zero=quadratic_zero, seconds=(middle - begun, time.perf_counter() - middle))
+        unresolved = frozenset(a.unresolved) if isinstance(a, Sampled) else frozenset()
+        if not unresolved:
+            check_consistent(module, a, values, quadratic_zero, goal)
+    return Computed(root=root, values=values, quadratic_zero=quadratic_zero, unresolved=unresolved, seconds=(middle - begun, time.perf_counter() - middle))
+
+
+def check_consistent(module: Module, a: Algebra, values: dict[str, acb], quadratic_zero: bool, tolerance_bits: int) -> None:
+    """Refuse two senses of rotation that differ, and redundant equations that contradict each other."""
+    for identifier, mirror in module.MIRROR:
+        if identifier in values:
+            other = module.names[mirror](a)
+            if abs(other - values[identifier]).mid() > arb(2) ** (-(tolerance_bits // 2)) * (1 + abs(other)):
+                raise EvaluationError("rotation_axis: found different coefficients for the two senses of rotation: the problem is not unchanged by reflections, and its amplitude "
+                                      "equation is not of this class; drop rotation_axis")
+    demands = [*module.consistency(a), *(module.consistency_cubic(a) if quadratic_zero else ())]
+    for labels, condition in demands:
+        size = largest(condition)
+        reference = max((largest(one) for one in module.mode(a)), default=1.0)
+        if size > 2.0 ** (-min(tolerance_bits // 2, 300)) * max(1.0, reference) ** 2:
+            raise EvaluationError(f"equations: {labels} contradict each other beyond the linear terms (residual {size:.3g}); expected redundant equations to follow from the others")
+
+
+def vanishes(module: Module, build: Build, root: Root, value: acb, goal: int) -> bool:
+    """Tell whether the coefficient of A**2 is zero: what rounding leaves of zero has no digit in common with the value beside the threshold."""
+    size = abs(value).mid()
+    if size == 0 or size > arb(2) ** (-goal // 8):
+        return bool(size == 0)
+    a = build(acb((root.control + module.width * arb(2) ** (-goal // 2)).mid()), acb(root.frequency))
+    return bool(abs(module.coefficient_A2(a) - value).mid() > size * arb(2) ** (-goal // 4))
 
 
 def largest(value: Any) -> float:
@@ -240,12 +287,8 @@ def check_simple(module: Module, a: Algebra, total: acb) -> None:
         raise EvaluationError("threshold: found a vanishing product of direct and adjoint mode: the critical eigenvalue is defective; expected a simple one")
 
 
-def start_resolution(digits: int) -> Resolution:
-    """Return nodes and panels for a problem with moderate exponents."""
-    return Resolution(nodes=14 + digits // 4, panels=3 + digits // 10) if digits <= 100 else Resolution(nodes=24 + digits // 7, panels=8 + digits // 16)
-
-
-def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: str = "auto", certify: bool = False, only: tuple[str, ...] = ()) -> Result:
+def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: str = "auto", certify: bool = False, near: tuple[str, str | None] | None = None,
+             only: tuple[str, ...] = ()) -> Result:
     """Return threshold and coefficients, each right to `digits` significant digits of its modulus.
 
     Parameters
@@ -256,6 +299,9 @@ def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: s
         Significant digits of the modulus.
     route
         `closed`, `chebyshev`, `quadrature`, or `auto`: closed where it exists, else chebyshev.
+    near
+        (control, frequency) as text, frequency None when steady: the coefficients at the critical point there. It need not be the first
+        loss of stability, and nothing is said of the stability of the base state.
     only
         Names or monomials of the coefficients to evaluate; all when empty.
 
@@ -276,56 +322,126 @@ def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: s
         if name not in known:
             raise EvaluationError(f"only: found {name!r}; expected coefficients of {module.NAME}: {', '.join(one[0] for one in module.COEFFICIENTS)}")
     if route != "auto":
-        return evaluate_route(module, digits, route, only)
+        return evaluate_route(module, digits, route, near, only)
     try:
-        return evaluate_route(module, digits, "closed", only)
+        return evaluate_route(module, digits, "closed", near, only)
     except NotClosed:
-        return evaluate_route(module, digits, "chebyshev", only)
+        return evaluate_route(module, digits, "chebyshev", near, only)
 
 
-def evaluate_route(module: Module, digits: int, route: str, only: tuple[str, ...] = ()) -> Result:
-    """Return the result of one route, raising precision and resolution until the digits are there."""
-    guard = 48
+def evaluate_route(module: Module, digits: int, route: str, near: tuple[str, str | None] | None = None, only: tuple[str, ...] = ()) -> Result:
+    """Return the result of one route, raising precision and resolution until two computations agree to the digits."""
     goal = bits_of(digits + 3)
-    bits = goal + guard
-    resolution = start_resolution(digits)
-    sampled = module.SPATIAL and route != "closed"
+    guard, sampled = GUARD, module.SPATIAL and route != "closed"
+    with working_precision(max(goal, 96)):
+        control, frequency = near if near is not None else module.ONSET
+        onset = (arb(control), arb(frequency) if module.KIND == "hopf" else None)
+        width = None if near is None else (20 * max_of(abs(onset[0]), module.width * arb(2) ** -8)).mid()  # a root within two per cent of what was said
+    resolution = Resolution(nodes=nodes_for(goal), breaks=adapted(module, route, onset, width) if sampled else UNIFORM)
     previous: Computed | None = None
+    root: Root | None = None
     seconds = [0.0, 0.0]
     reason = ""
-    for _attempt in range(9):
+    for _attempt in range(24):
         try:
-            current = compute(module, route, bits, resolution, only, previous.root if previous else None, goal)
-        except NotClosed:
-            raise
+            current = compute(module, route, goal, guard, resolution, onset, root, width, only)
         except ZeroDivisionError as problem:
-            raise EvaluationError("a division by zero: a coefficient of the equations is singular on the interval") from problem
+            raise EvaluationError(SINGULAR) from problem
         seconds = [seconds[0] + current.seconds[0], seconds[1] + current.seconds[1]]
+        if current.unresolved:
+            resolution = cut(resolution, current.unresolved)
+            previous, root, reason = None, None, f"{len(current.unresolved)} panels are not resolved"
+            continue
+        if guard < SMALL_GUARD and abs(current.root.control) < module.width * arb(2) ** -30:  # zero, or tiny: tell which
+            previous, root, guard = None, None, SMALL_GUARD
+            continue
         if previous is not None and set(previous.values) == set(current.values):
-            with working_precision(bits + 64):
-                result, reason = finished(module, digits, route, previous, current, seconds, goal)
+            with working_precision(goal + guard + 64):
+                result, reason = finished(module, digits, route, previous, current, seconds, goal, guard)
             if result is not None:
-                return result
-        previous = current
-        bits += 40 if _attempt == 0 else bits // 4
-        if sampled:
-            resolution = Resolution(nodes=resolution.nodes + 6, panels=resolution.panels + 1) if _attempt == 0 else \
-                Resolution(nodes=resolution.nodes * 5 // 4, panels=resolution.panels * 3 // 2)
+                return replace(result, warnings=(*result.warnings, *close_calls(module, route, resolution, current.root, near is None)))
+            guard += guard // 2 + goal // 4
+            goal += 16
+        previous, root = current, current.root
+        guard += 40
+        resolution = Resolution(nodes=resolution.nodes + 6 + resolution.nodes // 16, breaks=resolution.breaks)
     raise EvaluationError(f"{module.NAME}: {digits} digits by {route} are not reached: {reason}; ask for fewer digits or another route")
 
 
-def finished(module: Module, digits: int, route: str, first: Computed, second: Computed, seconds: list[float], goal: int) -> tuple[Result | None, str]:
+def close_calls(module: Module, route: str, resolution: Resolution, root: Root, first: bool) -> tuple[str, ...]:
+    """Return a warning with the distance for each resonance that is close: D_h = 0 for a harmonic h at a control or frequency near the threshold."""
+    warnings = []
+    level = level_of(module, route, 40, Resolution(nodes=nodes_for(60), breaks=resolution.breaks), GUARD)
+    with working_precision(level.bits):
+        control, frequency = root.control, root.frequency
+        step_control = ((abs(control) + module.width * arb(2) ** -8) * arb(2) ** -24).mid()
+        step_frequency = (abs(frequency) * arb(2) ** -24).mid()
+        for name in sorted(one for one in module.names if one.startswith("operator_")):
+            def value(c: arb, w: arb, name: str = name) -> acb:
+                a = level.build(acb(c.mid()), acb(w.mid()))
+                return midpoint(a.determinant(module.names[name](a)))  # type: ignore[attr-defined]
+
+            here = value(control, frequency)
+            slopes = [(abs(value(control + step_control, frequency) - here) / step_control).mid() * max_of(abs(control), module.width * arb(2) ** -8)]
+            if step_frequency != 0:
+                slopes.append((abs(value(control, frequency + step_frequency) - here) / step_frequency).mid() * abs(frequency))
+            slope = max(float(one.mid() / abs(here).mid()) if here != 0 else float("inf") for one in slopes)
+            if slope * CLOSE > 1:
+                warnings.append(f"the linear problem of harmonic {name.removeprefix('operator_').strip('_')} is singular at a relative distance of about {1 / slope:.2g} in control or frequency: "
+                                "a resonance; the amplitude equation holds in a range smaller than that")
+    if first:
+        for value_, distance in module.names.get("NEAR_CRITICAL", ()):
+            warnings.append(f"another eigenvalue, {value_}, is within a relative distance of {distance} of the imaginary axis at the threshold: two modes are nearly critical together; "
+                            "the amplitude equation of one holds in a range smaller than that")
+    return tuple(warnings)
+
+
+def cut(resolution: Resolution, unresolved: frozenset[int]) -> Resolution:
+    """Return the refined resolution, or refuse what stays unresolved on a thousand panels."""
+    finer = resolution.refined(unresolved)
+    narrowest = min(b - a for a, b in zip(finer.breaks, finer.breaks[1:], strict=False))
+    if len(finer.breaks) > MAX_PANELS or narrowest < Fraction(1, 2**40):
+        raise EvaluationError("a coefficient of the equations or a mode is not resolved on the finest panels; expected functions that are smooth on the interval, its ends included")
+    return finer
+
+
+def adapted(module: Module, route: str, onset: tuple[arb, arb | None], width: arb | None) -> tuple[Fraction, ...]:
+    """Return the breaks that resolve every function of the problem to the digits of a double, where panels are cheap."""
+    goal = 60
+    resolution = Resolution(nodes=nodes_for(goal), breaks=UNIFORM)
+    while True:  # first the critical problem alone, without which Newton's method has nothing to start from
+        level = level_of(module, route, goal, resolution, GUARD)
+        with working_precision(level.bits):
+            a = level.build(acb(onset[0]), acb(onset[1] or 0))
+            assert isinstance(a, Sampled)
+            try:
+                a.determinant(module.critical(a))
+            except ZeroDivisionError as problem:
+                raise EvaluationError(SINGULAR) from problem
+        if not a.unresolved:
+            break
+        resolution = cut(resolution, frozenset(a.unresolved))
+    for _ in range(24):
+        unresolved = compute(module, route, goal, GUARD, resolution, onset, None, width).unresolved
+        if not unresolved:
+            break
+        resolution = cut(resolution, unresolved)
+    return resolution.breaks
+
+
+def finished(module: Module, digits: int, route: str, first: Computed, second: Computed, seconds: list[float], goal: int, guard: int) -> tuple[Result | None, str]:
     """Return the result when both computations agree to the digits asked for, else the reason why not."""
     allowed = arb(10) ** -(digits + 1)
     root_a, root_b = first.root, second.root
     drift = abs(root_a.control - root_b.control)
     scale_control = abs(root_b.control)
-    zero_control = bool(scale_control < arb(10) ** -(digits + 2) or scale_control < drift * 4)
-    if drift > allowed * max_of(scale_control, arb(10) ** -(digits)):
-        if not (zero_control and drift < arb(10) ** -(digits + 2)):
-            return None, f"two computations of the threshold differ by {drift.str(3, radius=False)}"
+    # zero is what cannot be told from it, on the scale of the control range as well as on the absolute one
+    unresolved = max_of(drift * 4, module.width * arb(2) ** (24 - goal - guard))
+    zero_control = bool(scale_control <= unresolved and unresolved < arb(10) ** -(digits + 2) * min_of(arb(1), module.width))
+    if drift > allowed * scale_control and not zero_control:
+        return None, f"two computations of the threshold differ by {drift.str(3, radius=False)}"
     drift_frequency = abs(root_a.frequency - root_b.frequency)
-    if drift_frequency > allowed * max_of(abs(root_b.frequency), arb(10) ** -digits):
+    if drift_frequency > allowed * abs(root_b.frequency):
         return None, f"two computations of the frequency differ by {drift_frequency.str(3, radius=False)}"
     hopf = module.KIND == "hopf"
     coefficients: list[Coefficient] = []
@@ -341,7 +457,6 @@ def finished(module: Module, digits: int, route: str, first: Computed, second: C
             reason = "the base state or the equations are not smooth in the control there: a fold, which is not of this class" if monomial == "mu*A" else \
                 "the problem is singular at the threshold"
             raise EvaluationError(f"threshold: found no finite coefficient of {monomial}: {reason}")
-    reference = max((abs(value) for _, _, _, value in pairs), default=arb(1))
     for name, monomial, one, other in pairs:
         if not hopf:
             one, other = acb(one.real), acb(other.real)
@@ -350,7 +465,7 @@ def finished(module: Module, digits: int, route: str, first: Computed, second: C
         drift = abs(one - other).mid()
         size = abs(other).mid()
         floor = arb(10) ** -(digits + 2)
-        if size < floor * max_of(arb(1), reference) and drift < floor * max_of(arb(1), reference) and size <= 8 * drift:
+        if size < floor and drift < floor and size <= 8 * drift:
             if monomial.startswith("epsilon"):
                 continue  # zero weak terms are left out
             if monomial != "mu*A":
@@ -397,6 +512,11 @@ def weak_pairs(module: Module, first: Computed, second: Computed) -> list[tuple[
         if abs(two[key]) >= tiny:
             result.append((names.get(text, text), text, one[key], two[key]))
     return result
+
+
+def min_of(a: arb, b: arb) -> arb:
+    """Return the smaller midpoint."""
+    return (a if a.mid() < b.mid() else b).mid()
 
 
 def max_of(a: arb, b: arb) -> arb:

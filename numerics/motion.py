@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 from numerics.algebra import Algebra, Constants
-from numerics.coefficients import Module, Resolution, Result, builder, evaluate
+from numerics.coefficients import Module, Resolution, Result, builder, evaluate, uniform
 from numerics.ellipse import cartesian_components, circular_components, cross_product
 from numerics.precision import EvaluationError, working_precision
 from numerics.sampled import Samples, barycentric
@@ -399,12 +399,12 @@ Table = tuple[NDArray[np.complex128], list[tuple[tuple[int, ...], int, dict[int,
 
 def converged_table(module: Module, result: Result, mu: float, responses: bool, places: NDArray[np.float64]) -> Table:
     """Return base state and terms at the places, from two resolutions that agree."""
-    resolution = Resolution(nodes=18, panels=3)
+    resolution = Resolution(nodes=18, breaks=uniform(3))
     before = table_at(module, result, mu, responses, places, resolution)
     if not module.SPATIAL:
         return before
     for _ in range(5):
-        resolution = Resolution(nodes=resolution.nodes + 4, panels=resolution.panels * 3 // 2 + 1)
+        resolution = Resolution(nodes=resolution.nodes + 4, breaks=uniform(len(resolution.breaks) * 3 // 2))
         after = table_at(module, result, mu, responses, places, resolution)
         pairs = [*zip(before[0], after[0], strict=True)]
         for (_, _, old), (_, _, new) in zip(before[1], after[1], strict=True):
@@ -412,13 +412,13 @@ def converged_table(module: Module, result: Result, mu: float, responses: bool, 
         if all(np.abs(a - b).max() <= 1e-11 * max(1e-3, np.abs(b).max()) for a, b in pairs):
             return after
         before = after
-    raise EvaluationError(f"{module.NAME}: the functions of s are not resolved by {resolution.panels} panels of {resolution.nodes} nodes; the problem has layers that are too thin")
+    raise EvaluationError(f"{module.NAME}: the functions of s are not resolved by {len(resolution.breaks) - 1} panels of {resolution.nodes} nodes; the problem has layers that are too thin")
 
 
 def table_at(module: Module, result: Result, mu: float, responses: bool, places: NDArray[np.float64], resolution: Resolution) -> Table:
     """Return base state and terms at the places, at one resolution."""
     with working_precision(128):
-        build = builder(module, "chebyshev", resolution)
+        build = builder(module, "chebyshev", resolution, 64)
         frequency = acb(arb(result.threshold.frequency)) if result.threshold.frequency else acb(0)
         control = arb(result.threshold.control)
         a = build(acb(control), frequency)
@@ -439,9 +439,9 @@ def values_at(a: Algebra, value: Any, places: NDArray[np.float64]) -> NDArray[np
     if not isinstance(value, Samples):
         return np.full(len(places), complex(value))
     algebra = value.algebra
-    left, width = float(algebra.left_end.mid()), 2 * float(algebra.half.mid())
-    nodes = np.array([float(point) for point in algebra.points])
-    weights = np.array([float(weight.mid()) for weight in barycentric(algebra.rule, algebra.points, algebra.weights)])
+    left, width = float(algebra.left_end.mid()), 2 * float(algebra.halves[0].mid())  # panels of equal length
+    nodes = np.array([float(point) for point in algebra.rules.points])
+    weights = np.array([float(weight.mid()) for weight in barycentric(algebra.rule, algebra.rules.points, algebra.weights)])
     table = np.array([complex(one) for one in value.values]).reshape(algebra.panels, algebra.nodes)
     panel = np.clip(((places - left) / width).astype(int), 0, algebra.panels - 1)
     x = 2 * ((places - left) / width - panel) - 1

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from numerics.algebra import Constants, midpoint
-from numerics.coefficients import Module, Resolution, builder, decimal, start_resolution
+from numerics.coefficients import UNIFORM, Module, Resolution, builder, decimal, nodes_for, uniform
 from numerics.precision import EvaluationError, NotClosed, bits_of, working_precision
 from numerics.sampled import chebyshev_nodes
 
@@ -83,7 +83,7 @@ class Entries:
 
 def sampled(module: Module, control: float, growth: float, nodes: int) -> Entries:
     """Return the emitted operator at one growth rate."""
-    a: Any = builder(module, "chebyshev", Resolution(nodes=max(nodes, 1), panels=1))(acb(control), acb(0, -growth))
+    a: Any = builder(module, "chebyshev", Resolution(nodes=max(nodes, 1), breaks=uniform(1)), 53)(acb(control), acb(0, -growth))
     operator = module.critical(a)
     n, m = operator.size, max(nodes, 1)
 
@@ -141,8 +141,8 @@ def discretised(entries: Entries, nodes: int, half: float, slopes: bool) -> Comp
 def integration(nodes: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the matrix of integrals from -1 to the Chebyshev nodes, and the weights of that to 1."""
     with working_precision(64):
-        _, matrix, weights, _, _ = chebyshev_nodes(nodes)
-        return np.array([[float(matrix[i, j]) for j in range(nodes)] for i in range(nodes)]), np.array([float(w) for w in weights])
+        rules = chebyshev_nodes(nodes)
+        return np.array([[float(rules.integrate[i, j]) for j in range(nodes)] for i in range(nodes)]), np.array([float(w) for w in rules.weights])
 
 
 def eigenvalues(matrices: Sequence[Complex]) -> Complex:
@@ -211,7 +211,7 @@ def merging_in_doubles(module: Module) -> tuple[float, float]:
 
 def refined(module: Module, route: str, control: float, growth: float, digits: int) -> Merging:
     """Return the double root to the digits asked for; computed twice, with more bits and other nodes, until both agree."""
-    resolution = start_resolution(digits)
+    resolution = Resolution(nodes=nodes_for(bits_of(digits + 6)), breaks=UNIFORM)
     previous: tuple[arb, arb] | None = None
     for attempt in range(5):
         goal = bits_of(digits + 6 + 10 * attempt)
@@ -224,14 +224,14 @@ def refined(module: Module, route: str, control: float, growth: float, digits: i
                     return Merging(control=decimal(current[0], digits + 3, abs(current[0])), growth_rate=decimal(current[1], digits + 3, abs(current[1])),
                                    error=(drift * 4).str(2, radius=False).replace("e+", "e"))
         previous = current
-        resolution = Resolution(nodes=resolution.nodes * 5 // 4, panels=resolution.panels + 2)
+        resolution = Resolution(nodes=resolution.nodes * 5 // 4, breaks=uniform(len(resolution.breaks) + 1))
     raise EvaluationError(f"{module.NAME}: {digits} digits of the control at which growth rates merge are not reached by {route}; ask for fewer digits")
 
 
 def double_root(module: Module, route: str, resolution: Resolution, control: float, growth: float, goal: int) -> tuple[arb, arb]:
     """Return (control, lambda) with D = 0 and dD/dlambda = 0, by Newton's method; derivatives are central differences with step 2^-goal."""
     with working_precision(3 * goal + 64):
-        build = builder(module, route, resolution)
+        build = builder(module, route, resolution, goal)
         minus_i = acb(0, -1)
 
         def D(growth: acb, control: acb) -> acb:

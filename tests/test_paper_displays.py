@@ -11,7 +11,7 @@ from numerics.algebra import Operator
 from numerics.closed import Closed
 from numerics.coefficients import Module, Resolution, builder
 from numerics.precision import working_precision
-from numerics.threshold import newton
+from numerics.threshold import Level, newton
 
 BITS = 256
 TINY = 1e-50
@@ -21,9 +21,10 @@ TINY = 1e-50
 def filament():
     """The emitted module on the closed algebra at the threshold, with 256 bits."""
     module = Module(derivation_of("follower_force").emit())
-    build = builder(module, "closed", Resolution(nodes=0, panels=0))
+    build = builder(module, "closed", Resolution(nodes=0, breaks=()), BITS)
     with working_precision(BITS):
-        root = newton(build, module.critical, arb(module.ONSET[0]), arb(module.ONSET[1]), BITS)
+        levels = [Level(goal=bits, bits=bits + 32, build=build) for bits in (60, 110, BITS)]
+        root = newton(levels, module.critical, (arb(module.ONSET[0]), arb(module.ONSET[1])), module.width, 40)
         yield module, build(acb(root.control), acb(root.frequency))
 
 

@@ -1,0 +1,223 @@
+"""Where the problem is nasty: right digits against an independent value, or a clear refusal."""
+
+from decimal import Decimal
+from fractions import Fraction
+from functools import cache
+
+import pytest
+from conftest import derivation_of
+from mpmath import mp
+from sympy import Rational, Symbol, exp, pi, symbols, tanh
+
+from derive import Problem, derive_amplitude_equation, field
+from derive.problem import DerivationError, ProblemError
+from numerics import EvaluationError, evaluate
+from tests.normal_form import Flow, normal_form
+
+s, t = symbols("s t", real=True)
+c = Symbol("c", real=True)
+u = field("u", s, t)
+x, y = field("x", t), field("y", t)
+
+
+def emitted(equations, base, control_range, normalisation, **more):
+    equations = equations if isinstance(equations, tuple) else (equations,)
+    return derive_amplitude_equation(Problem(
+        name="hard", time=t, control=c, control_range=control_range, fields=tuple(base), equations=equations, base_state=base, normalisation=normalisation, **more)).emit()
+
+
+def on_interval(equation, length, rows, control_range, place):
+    return emitted(equation, {u: 0}, control_range, (u, place), space=s, interval=(0, length), boundary={0: rows, length: rows})
+
+
+def close(number, true, digits):
+    """Tell whether a printed number is right to so many digits of its modulus, and its error bound holds."""
+    with mp.workdps(digits + 30):
+        difference = abs(mp.mpc(number.re, number.im) - true)
+        return difference <= mp.mpf(10) ** -digits * abs(true) and difference <= mp.mpf(number.error)
+
+
+def agree(first, second, digits):
+    """Compare a result with one of more digits by another route: digits and claimed errors."""
+    with mp.workdps(second.digits + 10):
+        assert abs(mp.mpf(first.threshold.control) - mp.mpf(second.threshold.control)) <= min(mp.mpf(10) ** -digits * abs(mp.mpf(second.threshold.control)), mp.mpf(first.threshold.error))
+        for one in first.coefficients:
+            other = second[one.monomial].value
+            assert close(one.value, mp.mpc(other.re, other.im), digits), one.name
+
+
+# Characteristic exponents that meet: u_t = r u - (1 + d_ss)^2 u - u^3 on (0, L), r = c + 1. At the threshold sigma^2 = -1 +- sqrt(r) with sqrt(r) = |1 - k^2|, k = pi/L.
+
+
+@pytest.mark.parametrize("distance", ["1e-1", "1e-5", "1e-15", "1e-30", "0"])
+def test_characteristic_exponents_that_meet(distance):
+    length = pi * (1 + Rational(distance) / 2)
+    text = on_interval(u.diff(t) - (c + 1) * u + u + 2 * u.diff(s, 2) + u.diff(s, 4) + u**3, length, (u, u.diff(s, 2)), (-2, 0), length / 2)
+    for route in ("auto", "chebyshev"):
+        result = evaluate(text, digits=20, route=route)
+        with mp.workdps(90):
+            k = 1 / (1 + mp.mpf(distance) / 2)
+            assert abs(mp.mpf(result.threshold.control) - ((1 - k * k) ** 2 - 1)) < mp.mpf("1e-20")
+        assert close(result["A**3"].value, -0.75, 20)
+        assert close(result["mu*A"].value, 1, 20)
+    if distance in ("1e-15", "1e-30", "0"):
+        with pytest.raises(EvaluationError, match="0/0.*chebyshev"):
+            evaluate(text, digits=20, route="closed")
+
+
+# Higher instabilities of the filament, and large exponents
+
+
+@pytest.mark.parametrize("near", [("174.6", "1508"), ("402", "4430")])
+def test_higher_instabilities_of_the_filament(near):
+    text = derivation_of("follower_force").emit()
+    agree(evaluate(text, digits=16, near=near), evaluate(text, digits=32, route="chebyshev", near=near), 16)
+
+
+def test_a_start_that_is_no_critical_point_is_refused():
+    with pytest.raises(EvaluationError, match="Newton"):
+        evaluate(derivation_of("follower_force").emit(), near=("120", "1000"))
+
+
+@pytest.mark.parametrize("stiffness", ["1/40", pytest.param("1/1000", marks=pytest.mark.slow)])
+def test_large_exponents_and_boundary_layers(stiffness):
+    """u_t = -(e u'')'' + u'' + c u - u^3 clamped: exponents +-1/sqrt(e) = 40 and 1000, layers of that width at both ends."""
+    text = emitted(u.diff(t) + Rational(stiffness) ** 2 * u.diff(s, 4) - u.diff(s, 2) - c * u + u**3 + u**2 * u.diff(s), {u: 0}, (0, 20), (u, Rational(1, 2)),
+                   space=s, interval=(0, 1), boundary={0: (u, u.diff(s)), 1: (u, u.diff(s))})
+    first, second = evaluate(text, digits=12, route="closed"), evaluate(text, digits=24, route="quadrature")
+    agree(first, second, 12)
+    agree(evaluate(text, digits=12, route="chebyshev"), second, 12)
+
+
+# omega -> 0, where the eigenvalue becomes defective: x'' + k x = (c - x^2) x' - x^3, A' = c A/2 - (1/2 - 3 i/(2 omega)) |A|^2 A
+
+
+@pytest.mark.parametrize("k", ["1", "1e-2", "1e-8", "1e-12"])
+def test_slow_oscillation(k):
+    text = emitted(x.diff(t, 2) + Rational(k) * x - (c - x**2) * x.diff(t) + x**3, {x: 0}, (-1, 1), (x, None))
+    result = evaluate(text, digits=20)
+    with mp.workdps(50):
+        omega = mp.sqrt(mp.mpf(k))
+        assert abs(mp.mpf(result.threshold.frequency) - omega) < mp.mpf("1e-20") * omega
+        assert close(result["A**2*conj(A)"].value, mp.mpc(-0.5, 3 / (2 * omega)), 20)
+
+
+@pytest.mark.parametrize("k", ["1e-30", "0", "-1e-12", "-1e-3"])
+def test_no_oscillation_is_refused(k):
+    with pytest.raises((DerivationError, ProblemError), match="double eigenvalue|stable at the lower end"):
+        emitted(x.diff(t, 2) + Rational(k) * x - (c - x**2) * x.diff(t) + x**3, {x: 0}, (-1, 1), (x, None))
+
+
+# Resonances: x'' + x = c x' + x y - x^3, y'' + 2 d y' + (4 + d^2) y = x^2 has the eigenvalue -d + 2 i
+
+
+def resonant_text(d):
+    return emitted((x.diff(t, 2) - c * x.diff(t) + x - x * y + x**3, y.diff(t, 2) + 2 * d * y.diff(t) + (4 + d**2) * y - x**2), {x: 0, y: 0}, (-1, 1), (x, None))
+
+
+@pytest.mark.parametrize("d", ["1e-1", "1e-4"])
+def test_a_nearly_resonant_second_harmonic_is_right_and_warned_of(d):
+    result = evaluate(resonant_text(Rational(d)), digits=20)
+    f, one, zero = Fraction(d), Fraction(1), Fraction(0)
+    flow = Flow(
+        linear=(((zero, one, zero, zero), (-one, zero, zero, zero), (zero, zero, zero, one), (zero, zero, -4 - f * f, -2 * f)),
+                ((zero,) * 4, (zero, one, zero, zero), (zero,) * 4, (zero,) * 4), ((zero,) * 4,) * 4),
+        quadratic=((1, (0, 2), one), (3, (0, 0), one)), cubic=((1, (0, 0, 0), -one),))
+    assert close(result["A**2*conj(A)"].value, normal_form(flow, 0.0, 1.0, 40)[2]["A**2*conj(A)"], 20)
+    resonance = [line for line in result.warnings if "harmonic 2" in line]
+    assert bool(resonance) == (d == "1e-4")
+    if resonance:
+        assert 1e-5 < float(resonance[0].split("about ")[1].split()[0]) < 2e-4  # |-d| / |2 i| = 5e-5
+
+
+def test_a_resonant_second_harmonic_is_refused():
+    with pytest.raises(ProblemError, match="2i at c"):
+        resonant_text(Rational(0))
+
+
+@pytest.mark.parametrize("d", ["1e-1", "1e-5"])
+def test_a_nearly_neutral_mean_mode_is_warned_of(d):
+    """x'' + x = c x' - x y, y' = (c - d) y + x^2: y_0 = 2 |A|^2/d, y_2 = A^2/(d + 2 i), 2 i A' = -(A y_0 + conj(A) y_2) + ..."""
+    text = emitted((x.diff(t, 2) - c * x.diff(t) + x + x * y, y.diff(t) + (Rational(d) - c) * y - x**2), {x: 0, y: 0}, (-1, 1), (x, None))
+    result = evaluate(text, digits=20)
+    with mp.workdps(50):
+        delta = mp.mpf(d)
+        assert close(result["A**2*conj(A)"].value, -(2 / delta + 1 / (delta + 2j)) / 2j, 20)
+    assert any("harmonic 0" in line for line in result.warnings) == (d == "1e-5")
+
+
+def two_modes(d):
+    return emitted((x.diff(t, 2) - c * x.diff(t) + x + x**2 * x.diff(t), y.diff(t, 2) - (c - d) * y.diff(t) + 3 * y + y * x), {x: 0, y: 0}, (-1, 1), (x, None))
+
+
+def test_two_modes_nearly_critical_together():
+    near, far = evaluate(two_modes(Rational("1e-4")), digits=20), evaluate(two_modes(Rational(1, 10)), digits=20)
+    assert close(near["A**2*conj(A)"].value, mp.mpf(-1) / 2, 20)
+    assert any("critical together" in line and "-5e-05 + 1.732i" in line for line in near.warnings)
+    assert not far.warnings
+    with pytest.raises(DerivationError, match="several modes are critical together"):
+        two_modes(Rational(0))
+
+
+# Stiff layers and rapid oscillation
+
+
+@pytest.mark.parametrize("steep", [pytest.param(30, marks=pytest.mark.slow), pytest.param(1000, marks=pytest.mark.slow)])
+def test_a_thin_layer_of_a_coefficient(steep):
+    """A coefficient with a layer of width 1/steep at the wall: two routes with other nodes agree."""
+    text = emitted(u.diff(t) - u.diff(s, 2) - c * u * tanh(steep * s) + u**3 * (1 + exp(-steep * s)), {u: 0}, (0, 30), (u, 1),
+                   space=s, interval=(0, 1), boundary={0: (u,), 1: (u.diff(s),)})
+    agree(evaluate(text, digits=8, route="chebyshev"), evaluate(text, digits=16, route="quadrature"), 8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("route", ["closed", "chebyshev", "quadrature"])
+def test_a_rapidly_oscillating_mode(route):
+    """u_t = (c + 1) u - (1 + d_ss/144)^2 u - u^3 on (0, pi): sin(12 s), threshold -1, A^3 coefficient -3/4."""
+    text = rapid()
+    if route == "closed":
+        with pytest.raises(EvaluationError, match="coincide"):  # sigma^2 = -144 twice
+            evaluate(text, digits=16, route=route)
+        return
+    result = evaluate(text, digits=16, route=route)
+    assert Decimal(result.threshold.control) == -1
+    assert close(result["A**3"].value, mp.mpf(-3) / 4, 16)
+
+
+@cache
+def rapid():
+    return on_interval(u.diff(t) - c * u + 2 * u.diff(s, 2) / 144 + u.diff(s, 4) / 20736 + u**3, pi, (u, u.diff(s, 2)), (-2, 0), pi / 24)
+
+
+# Parameters of any size
+
+
+@pytest.mark.parametrize("size", ["1e-12", "1e12"])
+@pytest.mark.parametrize("route", ["closed", "chebyshev"])
+def test_parameters_of_any_size(size, route):
+    """u_t = D u'' + c u - u^3/D on (0, 1): threshold D pi^2, A^3 coefficient -3/(4 D)."""
+    d = Rational(size)
+    text = emitted(u.diff(t) - d * u.diff(s, 2) - c * u + u**3 / d, {u: 0}, (0, 20 * d), (u, Rational(1, 2)), space=s, interval=(0, 1), boundary={0: (u,), 1: (u,)})
+    result = evaluate(text, digits=17, route=route)
+    with mp.workdps(40):
+        assert abs(mp.mpf(result.threshold.control) - mp.mpf(size) * mp.pi**2) < mp.mpf("1e-16") * mp.mpf(size)
+        assert close(result["A**3"].value, -3 / (4 * mp.mpf(size)), 17)
+
+
+def test_a_tiny_threshold_is_not_zero():
+    """x' = (c/h - 1/4) x - x^3 with h = 1e-12: the threshold 2.5e-13 is far below 10^-5 and still has five digits."""
+    result = evaluate(emitted(x.diff(t) - (c * 10**12 - Rational(1, 4)) * x + x**3, {x: 0}, (-1, 1), (x, None)), digits=5)
+    assert abs(Decimal(result.threshold.control) - Decimal("2.5e-13")) < Decimal("1e-18")
+
+
+@pytest.mark.parametrize("digits", [5, 16, 17, 300])
+def test_any_number_of_digits(digits):
+    text = derivation_of("follower_force").emit()
+    agree(evaluate(text, digits=digits), evaluate(text, digits=min(2 * digits, digits + 60), route="closed" if digits == 300 else "chebyshev"), digits)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("digits", [1000, 3000])
+def test_thousands_of_digits(digits):
+    text = derivation_of("follower_force").emit()
+    agree(evaluate(text, digits=digits), evaluate(text, digits=digits + 50), digits)
