@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigvals, lu_factor, lu_solve
 from scipy.optimize import brentq, minimize_scalar
-from sympy import Expr, I, Poly, Symbol, fraction, lambdify, lcm, together
+from sympy import Expr, I, Integer, Poly, Symbol, fraction, lambdify, lcm, together
 from threadpoolctl import threadpool_limits
 
 from derive.operator import LAMBDA, FirstOrderOperator
@@ -54,27 +54,42 @@ class Pencil:
         self.formulation = formulation
         if isinstance(operator, FirstOrderOperator):
             rows = [[*row, None] for row in operator.matrix]
-            polynomials = [polynomial_row([*row[:-1]], True) for row in rows]
-            ends = [polynomial_row(list(row), False) for row in operator.left.matrix], [polynomial_row(list(row), False) for row in operator.right.matrix]
+            polynomials = [polynomial_row([*row[:-1]], True, formulation.control) for row in rows]
+            ends = [polynomial_row(list(row), False, formulation.control) for row in operator.left.matrix], [polynomial_row(list(row), False, formulation.control) for row in operator.right.matrix]
             self.counts = (len(ends[0]), len(ends[1]))
             table = polynomials + ends[0] + ends[1]
         else:
-            table = [polynomial_row(list(row), False) for row in operator.matrix]
+            table = [polynomial_row(list(row), False, formulation.control) for row in operator.matrix]
             self.counts = (0, 0)
         self.degree = max((len(entry) - 1 for row in table for entry in row), default=0)
         flat = [entry[k] if k < len(entry) else 0 for row in table for entry in row for k in range(self.degree + 1)]
         self.width = [len(row) for row in table]
         values = {symbol: value for symbol, value in formulation.parameters.items()}
         arguments = (formulation.space, formulation.control)
+        poles = operator.poles if isinstance(operator, FirstOrderOperator) else ()
+        self.poles = [lambdify(arguments, [entry.subs(values) for entry in in_lambda(pole)], modules=["scipy", "numpy"]) for pole in poles]
         self.constant = not any(isinstance(entry, Expr) and formulation.control in entry.free_symbols for entry in flat)
         exacts = [entry.subs(values) if isinstance(entry, Expr) else entry for entry in flat]
         self.entries: Callable[..., Sequence[Any]] = lambdify(arguments, exacts, modules=["scipy", "numpy"], cse=False)
+
+    def pointwise(self, control: float) -> NDArray[np.complex128]:
+        """Return the continuous spectrum, at a few points of the interval: where the elimination divides by zero."""
+        left, right = self.interval
+        found = []
+        for place in np.linspace(left, right, 9):
+            for pole in self.poles:
+                coefficients = [complex(one) for one in pole(place, control)]
+                found.append(np.roots(coefficients[::-1]))
+        return np.concatenate(found) if found else np.zeros(0, dtype=complex)
 
     def table(self, s: NDArray[np.float64] | float, control: float) -> list[list[list[NDArray[np.complex128]]]]:
         """Return [row][column][power of lambda] at the nodes `s`."""
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            values = [np.broadcast_to(np.asarray(value, dtype=complex), np.shape(s)) for value in self.entries(s, control + 0j)]
+            try:
+                values = [np.broadcast_to(np.asarray(value, dtype=complex), np.shape(s)) for value in self.entries(s, control + 0j)]
+            except ZeroDivisionError as singular:
+                raise FloatingPointError from singular
         if not all(np.all(np.isfinite(value)) for value in values):
             raise FloatingPointError
         iterator = iter(values)
@@ -176,22 +191,19 @@ def binomial(n: int, k: int) -> int:
     return comb(n, k)
 
 
-def polynomial_row(entries: list[Expr], slope: bool) -> list[list[Expr]]:
-    """Return the coefficients in lambda of a row, over its common denominator (appended as the last entry for a slope row)."""
-    denominator: Expr = together(entries[0] * 0 + 1)
-    fractions = [fraction(together(entry)) if LAMBDA in entry.free_symbols else (entry, denominator * 0 + 1) for entry in entries]
+def polynomial_row(entries: list[Expr], slope: bool, control: Symbol) -> list[list[Expr]]:
+    """Return the coefficients in lambda of a row, over its common denominator (appended as the last entry for a slope row).
+
+    A boundary row is cleared of denominators in the control too: it holds where they vanish.
+    """
+    cleared = {LAMBDA} if slope else {LAMBDA, control}
+    fractions = [fraction(together(entry)) if cleared & entry.free_symbols else (entry, Integer(1)) for entry in entries]
+    denominator: Expr = Integer(1)
     for _, bottom in fractions:
-        if LAMBDA in bottom.free_symbols:
+        if cleared & bottom.free_symbols:
             denominator = lcm(denominator, bottom)
-    result = []
-    for (top, bottom), entry in zip(fractions, entries, strict=True):
-        numerator = entry if denominator == 1 else together(top * denominator / bottom)
-        result.append(in_lambda(numerator))
-    if slope:
-        result.append(in_lambda(denominator))
-    elif denominator != 1:
-        pass
-    return result
+    tops = [entry if denominator == 1 else together(top * denominator / bottom) for (top, bottom), entry in zip(fractions, entries, strict=True)]
+    return [in_lambda(top) for top in (*tops, *([denominator] if slope else []))]
 
 
 def in_lambda(expression: Expr) -> list[Expr]:
@@ -289,6 +301,15 @@ class Spectrum:
                 return sorted((complex(value) for value in good), key=lambda z: -z.real)[:40]
             self.level += 1
 
+    def check_pointwise(self, control: float, name: Symbol) -> None:
+        """Refuse a state that loses stability at single points of the interval: no boundary-value problem, no mode."""
+        found = np.concatenate([pencil.pointwise(control) for pencil in self.pencils.values()])
+        unstable = found[found.real > 1e-9 * np.abs(found)]
+        if len(unstable):
+            worst = complex(unstable[np.argmax(unstable.real)])
+            raise DerivationError(f"equations: found a continuous spectrum that reaches {shown(worst)} at {name} = {control:.10g}: single points of the interval grow by themselves; "
+                                  "expected a loss of stability by one mode; correct the sign, or add the missing space derivative")
+
     def growth(self, control: float) -> float:
         """Return the largest real part."""
         values = self.rightmost(control)
@@ -321,6 +342,7 @@ def first_loss(operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], 
                            f"at {name} = {formulation.control_range[0]}; expected both at the lower end of control_range") from None
     if not start:
         raise ProblemError("equations: found no eigenvalue at all; expected equations with time derivatives that can lose stability")
+    spectrum.check_pointwise(low, name)
     if start[0][0].real >= -1e-13 * abs(start[0][0]) - 1e-18:
         raise ProblemError(f"control_range: found the eigenvalue {shown(start[0][0])} at {name} = {formulation.control_range[0]}; expected a base state that is "
                            "strictly stable at the lower end; lower it, or remove the neutral or unstable mode")
@@ -352,6 +374,7 @@ def first_loss(operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], 
     threshold = bracket[0]
     if bracket[1] > bracket[0]:
         threshold = float(brentq(spectrum.growth, *bracket, xtol=1e-13 * max(abs(bracket[0]), abs(bracket[1]), 1e-300), rtol=1e-14))
+    spectrum.check_pointwise(threshold, name)
     return classify(spectrum, threshold, abs(growth_before), formulation)
 
 
@@ -382,8 +405,9 @@ def singular_end(spectrum: Spectrum, inside: float, outside: float, name: Symbol
                           f"the rightmost eigenvalue there is {shown(spectrum.rightmost(inside)[0][0])}; a fold, or another singular point of the base state, is not of this class")
 
 
-def shown(value: complex) -> str:
-    """Return an eigenvalue for a message."""
+def shown(value: complex, rounding: float = 0.0) -> str:
+    """Return an eigenvalue for a message; what is below `rounding` is 0."""
+    value = complex(value.real if abs(value.real) > rounding else 0, value.imag if abs(value.imag) > rounding else 0)
     if abs(value.real) <= 1e-9 * abs(value):
         value = complex(0, value.imag)
     real = f"{value.real:.6g}"
@@ -399,7 +423,7 @@ def classify(spectrum: Spectrum, threshold: float, rate: float, formulation: For
     tolerance = AXIS * scale
     critical = [(value, weight) for value, weight in values if abs(value.real) <= tolerance]
     rest = tuple(value for value, weight in values if abs(value.real) > tolerance)[:4]
-    listing = ", ".join(f"{shown(value)}" for value, _ in critical)
+    listing = ", ".join(shown(value, tolerance) for value, _ in critical)
     where = f"at {name} = {threshold:.10g}"
     rotating = formulation.frame is not None
     oscillating = [(value, weight) for value, weight in critical if abs(value.imag) > 30 * tolerance]

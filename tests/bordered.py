@@ -4,9 +4,85 @@ No elimination, no adjoint, no circular amplitudes, no emitted text: every row i
 squares, and at third order the system is bordered by dA/dt. Double precision: 1e-6 or better on smooth problems.
 """
 
+from math import factorial
+
 import numpy as np
 from numpy.polynomial import chebyshev
-from sympy import Integer, lambdify
+from sympy import lambdify
+
+PAIRS = [(a, b) for a in range(8) for b in range(8) if not a & b]
+
+
+class Nilpotent:
+    """Numbers over three units with e1**2 = e2**2 = e3**2 = 0: the coefficient of e1 e2 e3 is an exact third derivative.
+
+    `parts[k]` belongs to the product of the units whose bits are set in k.
+    """
+
+    __array_ufunc__ = None
+
+    def __init__(self, parts):
+        self.parts = parts
+
+    @staticmethod
+    def of(value):
+        return value if isinstance(value, Nilpotent) else Nilpotent({0: value})
+
+    def __add__(self, other):
+        other = Nilpotent.of(other)
+        return Nilpotent({k: self.parts.get(k, 0) + other.parts.get(k, 0) for k in self.parts.keys() | other.parts.keys()})
+
+    def __mul__(self, other):
+        other, result = Nilpotent.of(other), {}
+        for a, b in PAIRS:
+            if a in self.parts and b in other.parts:
+                result[a | b] = result.get(a | b, 0) + self.parts[a] * other.parts[b]
+        return Nilpotent(result)
+
+    def through(self, taylor):
+        """Return f(self) for the values of f and its first three derivatives at the base."""
+        small, power, total = Nilpotent({k: v for k, v in self.parts.items() if k}), Nilpotent({0: 1.0}), Nilpotent({})
+        for order, value in enumerate(taylor):
+            total, power = total + power * (value / factorial(order)), power * small
+        return total
+
+    def __pow__(self, exponent):
+        x, values, factor = np.asarray(self.parts.get(0, 0), dtype=complex), [], 1.0
+        for order in range(4):
+            values.append(factor * x ** (exponent - order) if factor else 0 * x)
+            factor *= exponent - order
+        return self.through(values)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __neg__(self):
+        return self * -1
+
+    def __sub__(self, other):
+        return self + other * -1
+
+    def __rsub__(self, other):
+        return self * -1 + other
+
+    def __truediv__(self, other):
+        return self * Nilpotent.of(other) ** -1
+
+    def __rtruediv__(self, other):
+        return Nilpotent.of(other) * self**-1
+
+
+def lifted(*taylor):
+    """Return a function of nilpotent numbers from f and its first three derivatives."""
+    return lambda x: x.through([f(x.parts.get(0, 0)) for f in taylor]) if isinstance(x, Nilpotent) else taylor[0](x)
+
+
+FUNCTIONS = {
+    "exp": lifted(np.exp, np.exp, np.exp, np.exp), "sin": lifted(np.sin, np.cos, lambda x: -np.sin(x), lambda x: -np.cos(x)),
+    "cos": lifted(np.cos, lambda x: -np.sin(x), lambda x: -np.cos(x), np.sin), "sinh": lifted(np.sinh, np.cosh, np.sinh, np.cosh),
+    "cosh": lifted(np.cosh, np.sinh, np.cosh, np.sinh), "log": lifted(np.log, lambda x: 1 / x, lambda x: -1 / x**2, lambda x: 2 / x**3),
+    "sqrt": lambda x: x**0.5, "atan": lifted(np.arctan, lambda x: 1 / (1 + x**2), lambda x: -2 * x / (1 + x**2) ** 2, lambda x: (6 * x**2 - 2) / (1 + x**2) ** 3),
+    "tan": lambda x: FUNCTIONS["sin"](x) / FUNCTIONS["cos"](x), "tanh": lambda x: FUNCTIONS["sinh"](x) / FUNCTIONS["cosh"](x), "pi": np.pi, "E": np.e, "I": 1j,
+}
 
 
 class Discretised:
@@ -24,31 +100,17 @@ class Discretised:
         base = [expression.subs(formulation.parameters) for expression in formulation.base]
         top = max(key[1] for key in self.keys)
         self.base = [[lambdify((formulation.space, formulation.control), one.diff(formulation.space, d), ["scipy", "numpy"]) for d in range(top + 1)] for one in base]
-        self.rows = [(self.forms(row), inner) for equation in formulation.rows for row in equation]
+        self.rows = [(self.compiled(row), inner) for equation in formulation.rows for row in equation]
         for place, equations in formulation.boundary:
-            self.rows += [(self.forms(row), np.array([float(place)])) for equation in equations for row in equation]
+            self.rows += [(self.compiled(row), np.array([float(place)])) for equation in equations for row in equation]
         self.scales = None
+        self.known = {}
 
-    def forms(self, row):
-        """Return {(jets): derivative} of first to third order, and the derivative in epsilon."""
-        values = dict(self.f.parameters)
-        nominal, weak = row.expression.xreplace({self.f.weak: Integer(0)}), row.expression.diff(self.f.weak).xreplace({self.f.weak: Integer(0)})
-        arguments = (self.f.space, self.f.control, *self.symbols)
-
-        def compiled(expression):
-            return lambdify(arguments, expression.subs(values), ["scipy", "numpy"])
-
-        def slopes(expressions, total):
-            result = {}
-            for jets, expression in expressions.items():
-                for k in range(jets[-1] if jets else 0, len(self.symbols)):
-                    if self.symbols[k] in expression.free_symbols and expression.diff(self.symbols[k]) != 0:
-                        result[*jets, k] = expression.diff(self.symbols[k])
-            return [result, *slopes(result, total - 1)] if total > 1 else [result]
-
-        one, two, three = slopes({(): nominal}, 3)
-        (weakly,) = slopes({(): weak}, 1)
-        return [{jets: compiled(expression) for jets, expression in table.items()} for table in (one, two, three, weakly)]
+    def compiled(self, row):
+        """Return a row as a function of (s, control, epsilon, jets), and the jets that occur in it."""
+        expression = row.expression.subs(self.f.parameters)
+        function = lambdify((self.f.space, self.f.control, self.f.weak, *self.symbols), expression, [FUNCTIONS, "scipy", "numpy"], cse=True)
+        return function, [k for k, symbol in enumerate(self.symbols) if symbol in expression.free_symbols]
 
     def basis(self, s, order):
         if not self.spatial:
@@ -59,42 +121,42 @@ class Discretised:
     def at_base(self, s, control):
         return [np.broadcast_to(np.asarray(self.base[u][ds](s, control + 0j)) if dt == 0 else 0.0, s.shape) for u, ds, dt in self.keys]
 
-    def coefficients(self, level, control):
-        """Return, a row at a time, {jets: values at its nodes} of the forms of one level (3: epsilon)."""
-        result = []
-        for forms, s in self.rows:
-            jets = self.at_base(s, control)
-            result.append(({key: np.broadcast_to(np.asarray(function(s, control + 0j, *jets), dtype=complex), s.shape) for key, function in forms[level].items()}, s))
-        return result
+    def derivative(self, row, control, directions, weak=False):
+        """Return the derivative of a row about the base state in one to three directions over its jets; with `weak` in epsilon too."""
+        (function, _), s = row
+        units = [1 << k for k in range(len(directions) + weak)]
+        jets = [Nilpotent({0: base, **{unit: one[k] for unit, one in zip(units, directions, strict=False) if one[k] is not None}}) for k, base in enumerate(self.at_base(s, control))]
+        value = Nilpotent.of(function(s, control + 0j, Nilpotent({0: 0.0, units[-1]: 1.0}) if weak else 0.0, *jets))
+        return np.broadcast_to(np.asarray(value.parts.get(sum(units), 0), dtype=complex), s.shape)
 
-    def matrix(self, control, growth, level=0, slow=False):
-        """Return the linear form in the harmonic exp(growth t); with `slow` the factor of dA/dt."""
+    def linear(self, control, weak):
+        """Return, a row at a time, the derivative in each of its jets."""
+        if (control, weak) not in self.known:
+            self.known[control, weak] = [
+                [(k, self.derivative(row, control, [[1.0 if j == k else None for j in range(len(self.keys))]], weak)) for k in row[0][1]] for row in self.rows
+            ]
+        return self.known[control, weak]
+
+    def matrix(self, control, growth, weak=False, slow=False):
+        """Return the linear form in the harmonic exp(growth t); with `slow` the factor of dA/dt, with `weak` the part of epsilon."""
         blocks = []
-        for table, s in self.coefficients(level, control):
+        for (_, s), slopes in zip(self.rows, self.linear(control, weak), strict=True):
             block = np.zeros((len(s), len(self.f.unknowns), self.n), dtype=complex)
-            for (k,), values in table.items():
+            for k, slope in slopes:
                 u, ds, dt = self.keys[k]
                 factor = (0 if dt == 0 else dt * growth ** (dt - 1)) if slow else growth**dt
                 if factor:
-                    block[:, u] += factor * values[:, None] * self.basis(s, ds)
+                    block[:, u] += factor * slope[:, None] * self.basis(s, ds)
             blocks.append(block.reshape(len(s), self.size))
         return np.concatenate(blocks)
 
-    def form(self, control, level, *states):
+    def form(self, control, *states):
         """Return the symmetric multilinear form of states (coefficients, growth) at every row and node."""
-        from itertools import permutations
-
         parts = []
-        for table, s in self.coefficients(level, control):
-            jets = [[self.basis(s, ds) @ state.reshape(len(self.f.unknowns), self.n)[u] * growth**dt for u, ds, dt in self.keys] for state, growth in states]
-            total = np.zeros(len(s), dtype=complex)
-            for key, values in table.items():
-                for order in set(permutations(key)):
-                    product = values
-                    for one, k in zip(jets, order, strict=True):
-                        product = product * one[k]
-                    total = total + product
-            parts.append(total)
+        for row in self.rows:
+            _, s = row
+            directions = [[self.basis(s, ds) @ state.reshape(len(self.f.unknowns), self.n)[u] * growth**dt for u, ds, dt in self.keys] for state, growth in states]
+            parts.append(self.derivative(row, control, directions))
         return np.concatenate(parts)
 
     def conjugate(self, state):
@@ -115,10 +177,7 @@ class Discretised:
     def solve(self, matrix, right, border=None, data=None):
         """Return the least-squares solution of matrix v + border c = right with the normalisation rows at `data`; and c."""
         columns = np.zeros((len(matrix), 0)) if border is None else border
-        full = np.hstack([matrix, columns])
-        values = right
-        scale = np.maximum(np.abs(full).max(axis=1), np.abs(matrix).max() * 1e-12 + 1e-300)
-        full, values = full / scale[:, None], values / scale
+        full, values = np.hstack([matrix, columns]) / self.scales[:, None], right / self.scales
         if data is not None:
             rows = self.normal()
             full = np.vstack([full, np.hstack([rows, np.zeros((len(rows), columns.shape[1]))])])
@@ -135,6 +194,8 @@ def bordered_coefficients(formulation, control, frequency, nodes=32):
     hopf, vector = frequency is not None, formulation.frame is not None
     growth = 1j * frequency if hopf else 0.0
     linear = d.matrix(control, growth)
+    d.scales = np.maximum(np.abs(linear).max(axis=1), np.abs(d.matrix(control, growth + 1)).max(axis=1))
+    d.scales = np.where(d.scales > 0, d.scales, 1)
     zero = np.zeros(len(linear), dtype=complex)
     misfits = []
 
@@ -156,7 +217,7 @@ def bordered_coefficients(formulation, control, frequency, nodes=32):
     h = 1e-4 * (1e-3 * float(formulation.control_range[1] - formulation.control_range[0]) + abs(control))
     shift = (8 * (d.matrix(control + h, growth) - d.matrix(control - h, growth)) - (d.matrix(control + 2 * h, growth) - d.matrix(control - 2 * h, growth))) / (12 * h)
     result = {"mu*A": projected(shift @ units[0])[1][0]}
-    weak = d.matrix(control, growth, level=3)
+    weak = d.matrix(control, growth, weak=True)
     if np.any(weak):
         table = np.array([projected(weak @ unit)[1] for unit in units]).T
         result["weak"] = table
@@ -165,13 +226,13 @@ def bordered_coefficients(formulation, control, frequency, nodes=32):
         """Return dA/dt of third order for u = phi exp(growth t) + c.c., as a vector over the unit modes."""
         phi, bar = (phi, growth), (d.conjugate(phi), -growth)
         if not hopf:
-            second, quadratic = (projected(d.form(control, 1, phi, phi) / 2) if not vector else (d.solve(d.matrix(control, 0.0), -d.form(control, 1, phi, phi) / 2)[0], [0.0]))
+            second, quadratic = (projected(d.form(control, phi, phi) / 2) if not vector else (d.solve(d.matrix(control, 0.0), -d.form(control, phi, phi) / 2)[0], [0.0]))
             if abs(quadratic[0]) > 1e-7:
                 return None, quadratic[0]
-            return projected(d.form(control, 1, phi, (second, 0.0)) + d.form(control, 2, phi, phi, phi) / 6)[1], quadratic[0]
-        double = d.solve(d.matrix(control, 2 * growth), -d.form(control, 1, phi, phi) / 2)[0]
-        mean = d.solve(d.matrix(control, 0.0), -d.form(control, 1, phi, bar))[0]
-        forcing = d.form(control, 1, phi, (mean, 0.0)) + d.form(control, 1, bar, (double, 2 * growth)) + d.form(control, 2, phi, phi, bar) / 2
+            return projected(d.form(control, phi, (second, 0.0)) + d.form(control, phi, phi, phi) / 6)[1], quadratic[0]
+        double = d.solve(d.matrix(control, 2 * growth), -d.form(control, phi, phi) / 2)[0]
+        mean = d.solve(d.matrix(control, 0.0), -d.form(control, phi, bar))[0]
+        forcing = d.form(control, phi, (mean, 0.0)) + d.form(control, bar, (double, 2 * growth)) + d.form(control, phi, phi, bar) / 2
         return projected(forcing)[1], 0.0
 
     if not vector:
