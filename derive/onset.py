@@ -87,10 +87,13 @@ class Pencil:
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
-                values = [np.broadcast_to(np.asarray(value, dtype=complex), np.shape(s)) for value in self.entries(s, control + 0j)]
+                found = self.entries(s, control + 0j)
             except ZeroDivisionError as singular:
                 raise FloatingPointError from singular
-        if not all(np.all(np.isfinite(value)) for value in values):
+        values = np.empty((len(found), *np.shape(s)), dtype=complex)
+        for k, value in enumerate(found):
+            values[k] = value
+        if not np.isfinite(values).all():
             raise FloatingPointError
         iterator = iter(values)
         return [[[next(iterator) for _ in range(self.degree + 1)] for _ in range(width)] for width in self.width]
@@ -373,7 +376,7 @@ def first_loss(operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], 
                            f"{max(value for _, value in history):.6g}, at the upper end {last[1]:.6g}); expected one; widen control_range")
     threshold = bracket[0]
     if bracket[1] > bracket[0]:
-        threshold = float(brentq(spectrum.growth, *bracket, xtol=1e-13 * max(abs(bracket[0]), abs(bracket[1]), 1e-300), rtol=1e-14))
+        threshold = float(brentq(spectrum.growth, *bracket, xtol=1e-11 * max(abs(bracket[0]), abs(bracket[1]), 1e-300), rtol=1e-11))
     spectrum.check_pointwise(threshold, name)
     return classify(spectrum, threshold, abs(growth_before), formulation)
 

@@ -381,7 +381,7 @@ def leading_scalar(operator: Unbounded, leading: Sequence[int], formulation: For
     determinant = work.tidy(change.det(method="berkowitz"))
     if determinant == 0 or LAMBDA in determinant.free_symbols or formulation.control in determinant.free_symbols:
         return operator
-    inverse = change.inv(method="ADJ").applyfunc(work.tidy)
+    inverse = (change.adjugate(method="berkowitz") / determinant).applyfunc(work.tidy)
     last = [work.tidy(sum((rows[n][k] * inverse[k, j] for k in range(n)), Integer(0))) for j in range(n)]
 
     def combined(row: Sequence[Expr], forcing: Forcing) -> tuple[tuple[Expr, ...], Forcing]:
