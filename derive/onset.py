@@ -15,9 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigvals, lu_factor, lu_solve
-from scipy.optimize import brentq, minimize_scalar
-from sympy import Expr, I, Integer, Poly, Symbol, fraction, lambdify, lcm, together
+from sympy import Expr, Function, I, Integer, Poly, Symbol, fraction, lambdify, lcm, together
 from threadpoolctl import threadpool_limits
 
 from derive.operator import LAMBDA, FirstOrderOperator
@@ -67,10 +65,10 @@ class Pencil:
         values = {symbol: value for symbol, value in formulation.parameters.items()}
         arguments = (formulation.space, formulation.control)
         poles = operator.poles if isinstance(operator, FirstOrderOperator) else ()
-        self.poles = [lambdify(arguments, [entry.subs(values) for entry in in_lambda(pole)], modules=["scipy", "numpy"]) for pole in poles]
+        self.poles = [compiled(arguments, [entry.subs(values) for entry in in_lambda(pole)]) for pole in poles]
         self.constant = not any(isinstance(entry, Expr) and formulation.control in entry.free_symbols for entry in flat)
         exacts = [entry.subs(values) if isinstance(entry, Expr) else entry for entry in flat]
-        self.entries: Callable[..., Sequence[Any]] = lambdify(arguments, exacts, modules=["scipy", "numpy"], cse=False)
+        self.entries: Callable[..., Sequence[Any]] = compiled(arguments, exacts)
 
     def pointwise(self, control: float) -> NDArray[np.complex128]:
         """Return the continuous spectrum, at a few points of the interval: where the elimination divides by zero."""
@@ -172,9 +170,10 @@ class Pencil:
         scale[scale == 0] = 1
         identity = np.zeros((len(scale), len(held)), dtype=complex)
         identity[held, np.arange(len(held))] = 1 / scale[held]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            inverse = lu_solve(lu_factor(shifted[0] / scale[:, None]), identity)
+        try:
+            inverse = np.linalg.solve(shifted[0] / scale[:, None], identity)
+        except np.linalg.LinAlgError:
+            return np.array([np.nan + 0j])
         if not np.all(np.isfinite(inverse)):
             return np.array([np.nan + 0j])
         m = len(held)
@@ -182,9 +181,17 @@ class Pencil:
         for k in range(1, degree + 1):
             companion[:m, (k - 1) * m:k * m] = -(shifted[k][held] @ inverse)
         companion[m:, :-m] = np.eye((degree - 1) * m)
-        theta = eigvals(companion)
+        theta = np.linalg.eigvals(companion).astype(complex)
         theta = theta[np.abs(theta) > 1e-13 * max(1.0, float(np.abs(theta).max(initial=0.0)))]
         return shift + 1 / theta
+
+
+def compiled(arguments: tuple[Symbol, Symbol], expressions: list[Any]) -> Callable[..., Sequence[Any]]:
+    """Return the expressions as a NumPy function; SciPy is loaded for special functions only."""
+    names = {type(node).__name__ for one in expressions if isinstance(one, Expr) for node in one.atoms(Function)}
+    elementary = {"exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "asinh", "acosh", "atanh"}
+    modules = ["numpy"] if names <= elementary else ["scipy", "numpy"]
+    return lambdify(arguments, expressions, modules=modules)  # type: ignore[no-any-return]
 
 
 def binomial(n: int, k: int) -> int:
@@ -245,7 +252,7 @@ class Spectrum:
         self.formulation = formulation
         self.level = 0
         self.known: dict[Pencil, list[complex]] = {}
-        self.bases = lambdify((formulation.space, formulation.control), [base.subs(formulation.parameters) for base in formulation.base], modules=["scipy", "numpy"])
+        self.bases = compiled((formulation.space, formulation.control), [base.subs(formulation.parameters) for base in formulation.base])
 
     def rightmost(self, control: float) -> list[tuple[complex, int]]:
         """Return the converged eigenvalues (value, weight), rightmost first.
@@ -365,10 +372,9 @@ def first_loss(operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], 
             break
         previous = float(control)
         if len(history) >= 3 and near_zero_peak(history[-3:]):
-            peak = minimize_scalar(lambda c: -spectrum.growth(float(c)), bounds=(history[-3][0], history[-1][0]), method="bounded",
-                                   options={"xatol": 1e-6 * (high - low)})
-            if -peak.fun > 0:
-                bracket = (history[-3][0], float(peak.x))
+            top = peak_of(spectrum.growth, history[-3][0], history[-1][0], 1e-6 * (high - low))
+            if spectrum.growth(top) > 0:
+                bracket = (history[-3][0], top)
                 break
     if bracket is None:
         last = history[-1]
@@ -376,9 +382,47 @@ def first_loss(operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], 
                            f"{max(value for _, value in history):.6g}, at the upper end {last[1]:.6g}); expected one; widen control_range")
     threshold = bracket[0]
     if bracket[1] > bracket[0]:
-        threshold = float(brentq(spectrum.growth, *bracket, xtol=1e-11 * max(abs(bracket[0]), abs(bracket[1]), 1e-300), rtol=1e-11))
+        threshold = crossing(spectrum.growth, *bracket)
     spectrum.check_pointwise(threshold, name)
     return classify(spectrum, threshold, abs(growth_before), formulation)
+
+
+def crossing(growth: Callable[[float], float], low: float, high: float) -> float:
+    """Return where `growth` changes sign between two controls: secant steps (Illinois), halving the bracket every third time."""
+    below, above = growth(low), growth(high)
+    tolerance = 1e-11 * max(abs(low), abs(high), 1e-300)
+    ends = {low: abs(below), high: abs(above)}  # the true values: the weights of the secant are halved
+    moved, small = 0, 1e-13 * min(abs(below), abs(above))
+    for step in range(400):
+        if high - low <= tolerance or 0 in (below, above):
+            break
+        middle = (low + high) / 2 if step % 3 == 2 else low + min(max(below / (below - above), 1e-3), 1 - 1e-3) * (high - low)
+        value = growth(middle)
+        if value > 0:
+            high, above, below, moved = middle, value, below / 2 if moved > 0 else below, 1
+        else:
+            low, below, above, moved = middle, value, above / 2 if moved < 0 else above, -1
+        ends[middle] = abs(value)
+        if ends[middle] <= small:
+            return middle
+    return low if ends[low] <= ends[high] else high
+
+
+def peak_of(growth: Callable[[float], float], low: float, high: float, tolerance: float) -> float:
+    """Return where `growth` is largest between two controls, by golden sections."""
+    share = (5**0.5 - 1) / 2
+    left, right = high - share * (high - low), low + share * (high - low)
+    at_left, at_right = growth(left), growth(right)
+    while high - low > tolerance:
+        if at_left > at_right:
+            high, right, at_right = right, left, at_left
+            left = high - share * (high - low)
+            at_left = growth(left)
+        else:
+            low, left, at_left = left, right, at_right
+            right = low + share * (high - low)
+            at_right = growth(right)
+    return left if at_left > at_right else right
 
 
 def near_zero_peak(points: Sequence[tuple[float, float]]) -> bool:
