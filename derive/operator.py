@@ -231,6 +231,7 @@ def reduce_operator(expansion: Expansion, weight: int, growth: Expr) -> FirstOrd
         for j, coefficient in row.value.items():
             matrix[order[k]][order[j]] = work.tidy(-coefficient / row.slope[k])
         forcings[order[k]] = work.scaled(row.forcing, 1 / row.slope[k])
+    check_finite(matrix, formulation)
     recovery: dict[int, tuple[dict[int, Expr], Forcing]] = {k: ({order[k]: Integer(1)}, {}) for k in remaining}
     for pivot, value, forcing in reversed(solved):
         total: dict[int, Expr] = {}
@@ -275,6 +276,15 @@ def check_redundant(spare: Sequence[Forcing], expansion: Expansion) -> None:
         else:
             labels = ", ".join(dict.fromkeys(expansion.rows[row].label for row in rows))
             raise ProblemError(f"equations: {labels} contradict each other: found more independent equations than unknowns; expected as many, or redundant ones that follow from the others")
+
+
+def check_finite(matrix: Sequence[Sequence[Expr]], formulation: Formulation) -> None:
+    """Refuse a coefficient with a pole on the interval, at the lower end of the control range."""
+    lowest = {formulation.control: formulation.control_range[0]}
+    for entry in dict.fromkeys(entry for row in matrix for entry in row if formulation.space in entry.free_symbols):
+        bottom = fraction(together(entry))[1]
+        if formulation.space in bottom.free_symbols and LAMBDA not in bottom.free_symbols and formulation.probe.may_vanish(bottom.subs(lowest)):
+            raise ProblemError(f"equations: found a coefficient that is not finite on the interval (it is divided by {bottom}); expected coefficients that are finite and smooth, ends included")
 
 
 def contradiction(expansion: Expansion, rows: Sequence[TaylorRow]) -> str:
