@@ -4,7 +4,7 @@ import pytest
 from bordered import bordered_coefficients, compressed_spectrum
 from conftest import PROBLEMS, derivation_of, result_of
 
-QUICK = {"bc_eps", "bc_tds", "chafee", "fisher", "isotropic_vdp", "ks", "lorenz_hopf", "mass_matrix", "pendulum_cart", "vec_norot", "vec_pitch", "weak_iso", "weak_scalar"}
+QUICK = {"ziegler", "bc_eps", "bc_tds", "chafee", "fisher", "isotropic_vdp", "ks", "lorenz_hopf", "mass_matrix", "pendulum_cart", "vec_norot", "vec_pitch", "weak_iso", "weak_scalar"}
 LARGE = {"layer": 150}
 CASES = [pytest.param(path.stem, marks=() if path.stem in QUICK else pytest.mark.slow) for path in sorted(PROBLEMS.glob("*.py"))]
 
