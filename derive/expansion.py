@@ -8,12 +8,12 @@ ever written by hand: the monomial :math:`z_j z_k` of the row is the product of 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import comb as binomial
 from math import factorial
+from typing import Any
 
-from sympy import Add, Expr, I, Integer, Mul, Pow, Rational, Symbol, expand, nan, oo, zoo
+from sympy import Add, Expr, I, Integer, Mul, Rational, Symbol, expand, nan, oo, zoo
 
 from derive.problem import Formulation, Jet, ProblemError, RawRow, base_jets
 
@@ -101,10 +101,8 @@ def mixed(rows: list[TaylorRow], factors: list[Expr], weight: int, label: str) -
 
 def taylor(formulation: Formulation, row: RawRow, place: Expr | None) -> TaylorRow:
     """Return one row to third order, with exact derivatives (no finite differences, no series in a variable)."""
-    symbols = {symbol: jet for jet, symbol in formulation.jets.items()}
     base = base_jets(formulation)
     at_place = {formulation.space: place} if place is not None else {}
-    nominal = row.expression.xreplace({formulation.weak: Integer(0)})
 
     def at_base(expression: Expr) -> Expr:
         value = expression.xreplace(base)
@@ -115,77 +113,72 @@ def taylor(formulation: Formulation, row: RawRow, place: Expr | None) -> TaylorR
             raise ProblemError(f"{row.label}: found no Taylor series at the base state; expected a nonlinearity that is smooth there")
         return expand(value)
 
-    def used(expression: Expr) -> list[Jet]:
-        return sorted(symbols[symbol] for symbol in expression.free_symbols if symbol in symbols)  # type: ignore[attr-defined]
+    symbols = {symbol: jet for jet, symbol in formulation.jets.items()}
+    if row.expression.is_polynomial(*(symbol for symbol in sorted(row.expression.free_symbols, key=str) if symbol in symbols or symbol == formulation.weak)):
+        found, weakly = by_products(row.expression, {jet: at_base(symbol) for jet, symbol in formulation.jets.items()}, symbols, formulation.weak)
+        found, weakly = ({key: at_base(value) for key, value in table.items()} for table in (found, weakly))
+    else:
+        found, weakly = by_derivatives(formulation, row.expression, symbols, at_base)
+    terms = {key: found[key] for key in sorted(found) if key and not formulation.probe.is_zero(found[key])}
+    weak = {jet: weakly[jet,] for (jet,) in sorted(key for key in weakly if len(key) == 1) if not formulation.probe.is_zero(weakly[jet,])}
+    return TaylorRow(terms=terms, weak=weak, weight=0, label=row.label)
 
-    polynomial, rest = split_polynomial(nominal, symbols)
-    raw: dict[tuple[Jet, ...], Expr] = polynomial_terms(polynomial, symbols, base)
-    derivatives: dict[tuple[Jet, ...], Expr] = {(): rest}
+
+Terms = dict[tuple[Jet, ...], Expr]
+
+
+def by_products(expression: Expr, base: Mapping[Jet, Expr], symbols: Mapping[Any, Jet], small: Symbol) -> tuple[Terms, Terms]:
+    """Return the terms of a polynomial row, and those of first order in `small`: each product of jets (base + disturbance) multiplied out to third order."""
+    tables: tuple[Terms, Terms] = ({}, {})
+    for term in Add.make_args(expand(expression)):
+        powers = term.as_powers_dict()
+        level = int(powers.pop(small, 0))
+        if level > 1:
+            continue
+        jets = [(symbols[factor], int(power)) for factor, power in powers.items() if factor in symbols]
+        partial: Terms = {(): Mul(*(factor**power for factor, power in powers.items() if factor not in symbols))}
+        for jet, power in jets:
+            for _ in range(power):
+                grown: Terms = {}
+                for key, value in partial.items():
+                    if base[jet] != 0:
+                        grown[key] = grown.get(key, Integer(0)) + value * base[jet]
+                    if len(key) < ORDER:
+                        longer = tuple(sorted((*key, jet)))
+                        grown[longer] = grown.get(longer, Integer(0)) + value
+                partial = grown
+        for key, value in partial.items():
+            tables[level][key] = tables[level].get(key, Integer(0)) + value
+    return tables
+
+
+def by_derivatives(formulation: Formulation, expression: Expr, symbols: Mapping[Any, Jet], at_base: Callable[[Expr], Expr]) -> tuple[Terms, Terms]:
+    """Return the terms of any smooth row, and those of first order in epsilon: derivatives at the base state over the factorials."""
+    nominal = expression.xreplace({formulation.weak: Integer(0)})
+
+    def used(one: Expr) -> list[Jet]:
+        return sorted(symbols[symbol] for symbol in one.free_symbols if symbol in symbols)
+
+    terms: Terms = {}
+    derivatives: Terms = {(): nominal}
     for _ in range(ORDER):
-        higher: dict[tuple[Jet, ...], Expr] = {}
-        for jets, expression in derivatives.items():
-            for jet in used(expression):
+        higher: Terms = {}
+        for jets, one in derivatives.items():
+            for jet in used(one):
                 if jets and jet < jets[-1]:
                     continue
-                derivative = expression.diff(formulation.jets[jet])
+                derivative = one.diff(formulation.jets[jet])
                 if derivative == 0:
                     continue
                 key = (*jets, jet)
                 higher[key] = derivative
                 repeats = 1
-                for one in set(key):
-                    repeats *= factorial(key.count(one))
-                raw[key] = raw.get(key, Integer(0)) + at_base(derivative) * Rational(1, repeats)
+                for each in set(key):
+                    repeats *= factorial(key.count(each))
+                terms[key] = expand(at_base(derivative) * Rational(1, repeats))
         derivatives = higher
-    values = {key: at_base(raw[key]) for key in sorted(raw)}
-    terms = {key: value for key, value in values.items() if not formulation.probe.is_zero(value)}
-    weak: dict[Jet, Expr] = {}
-    effect = row.expression.diff(formulation.weak).xreplace({formulation.weak: Integer(0)})
-    for jet in used(effect):
-        value = at_base(effect.diff(formulation.jets[jet]))
-        if not formulation.probe.is_zero(value):
-            weak[jet] = value
-    return TaylorRow(terms={key: terms[key] for key in sorted(terms)}, weak=weak, weight=0, label=row.label)
-
-
-def split_polynomial(expression: Expr, symbols: Mapping[Expr, Jet]) -> tuple[list[Expr], Expr]:
-    """Return the products of powers of jets that a row is a sum of, and the rest, which has to be differentiated."""
-    steep = any(isinstance(node, Pow) and isinstance(node.base, Add) and node.exp.is_Integer and node.exp > ORDER + 1 for node in expression.atoms(Pow))
-    if steep:  # a high power of a sum is not multiplied out
-        return [], expression
-    products: list[Expr] = []
-    rest: list[Expr] = []
-    for term in Add.make_args(expand(expression)):
-        free = all(
-            factor in symbols or not factor.free_symbols & symbols.keys() or (isinstance(factor, Pow) and factor.base in symbols and factor.exp.is_Integer and factor.exp > 0)
-            for factor in Mul.make_args(term)
-        )
-        (products if free else rest).append(term)
-    return products, Add(*rest)
-
-
-def polynomial_terms(products: Iterable[Expr], symbols: Mapping[Expr, Jet], base: Mapping[Symbol, Expr]) -> dict[tuple[Jet, ...], Expr]:
-    """Return the Taylor terms of products of powers: (b + h)^e = sum_k C(e, k) b^(e - k) h^k."""
-    found: dict[tuple[Jet, ...], list[Expr]] = {}
-    for term in products:
-        partial: dict[tuple[Jet, ...], Expr] = {(): Integer(1)}
-        for factor in Mul.make_args(term):
-            symbol, power = (factor.base, int(factor.exp)) if isinstance(factor, Pow) and factor.base in symbols else (factor, 1)
-            if symbol not in symbols:
-                partial = {jets: value * factor for jets, value in partial.items()}
-                continue
-            raised: dict[tuple[Jet, ...], Expr] = {}
-            for jets, value in partial.items():
-                for k in range(min(power, ORDER - len(jets)) + 1):
-                    share = value * binomial(power, k) * base[symbol] ** (power - k)
-                    if share != 0:
-                        key = tuple(sorted((*jets, *[symbols[symbol]] * k)))
-                        raised[key] = raised.get(key, Integer(0)) + share
-            partial = raised
-        for jets, value in partial.items():
-            if jets:
-                found.setdefault(jets, []).append(value)
-    return {jets: Add(*values) for jets, values in found.items()}
+    effect = expression.diff(formulation.weak).xreplace({formulation.weak: Integer(0)})
+    return terms, {(jet,): at_base(effect.diff(formulation.jets[jet])) for jet in used(effect)}
 
 
 def pure_rows(rows: tuple[TaylorRow, ...], formulation: Formulation) -> tuple[TaylorRow, ...]:

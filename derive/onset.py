@@ -15,9 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigvals, lu_factor, lu_solve
-from scipy.optimize import brentq, minimize_scalar
-from sympy import Expr, I, Integer, Matrix, Poly, Rational, Symbol, expand, fraction, lambdify, lcm, together
+from sympy import Expr, Function, I, Integer, Matrix, Poly, Rational, Symbol, expand, fraction, lambdify, lcm, together
 from threadpoolctl import threadpool_limits
 
 from derive.operator import LAMBDA, FirstOrderOperator
@@ -54,12 +52,12 @@ class Pencil:
         self.formulation = formulation
         if isinstance(operator, FirstOrderOperator):
             rows = [[*row, None] for row in operator.matrix]
-            polynomials = [polynomial_row([*row[:-1]], True) for row in rows]
-            ends = [polynomial_row(list(row), False) for row in operator.left.matrix], [polynomial_row(list(row), False) for row in operator.right.matrix]
+            polynomials = [polynomial_row([*row[:-1]], True, formulation.control) for row in rows]
+            ends = [polynomial_row(list(row), False, formulation.control) for row in operator.left.matrix], [polynomial_row(list(row), False, formulation.control) for row in operator.right.matrix]
             self.counts = (len(ends[0]), len(ends[1]))
             table = polynomials + ends[0] + ends[1]
         else:
-            table = [polynomial_row(list(row), False) for row in operator.matrix]
+            table = [polynomial_row(list(row), False, formulation.control) for row in operator.matrix]
             self.counts = (0, 0)
         self.finite = None if isinstance(operator, FirstOrderOperator) else finite_eigenvalues(operator, formulation)
         self.degree = max((len(entry) - 1 for row in table for entry in row), default=0)
@@ -67,16 +65,34 @@ class Pencil:
         self.width = [len(row) for row in table]
         values = {symbol: value for symbol, value in formulation.parameters.items()}
         arguments = (formulation.space, formulation.control)
+        poles = operator.poles if isinstance(operator, FirstOrderOperator) else ()
+        self.poles = [compiled(arguments, [entry.subs(values) for entry in in_lambda(pole)]) for pole in poles]
         self.constant = not any(isinstance(entry, Expr) and formulation.control in entry.free_symbols for entry in flat)
         exacts = [entry.subs(values) if isinstance(entry, Expr) else entry for entry in flat]
-        self.entries: Callable[..., Sequence[Any]] = lambdify(arguments, exacts, modules=["scipy", "numpy"], cse=False)
+        self.entries: Callable[..., Sequence[Any]] = compiled(arguments, exacts)
+
+    def pointwise(self, control: float) -> NDArray[np.complex128]:
+        """Return the continuous spectrum, at a few points of the interval: where the elimination divides by zero."""
+        left, right = self.interval
+        found = []
+        for place in np.linspace(left, right, 9):
+            for pole in self.poles:
+                coefficients = [complex(one) for one in pole(place, control)]
+                found.append(np.roots(coefficients[::-1]))
+        return np.concatenate(found) if found else np.zeros(0, dtype=complex)
 
     def table(self, s: NDArray[np.float64] | float, control: float) -> list[list[list[NDArray[np.complex128]]]]:
         """Return [row][column][power of lambda] at the nodes `s`."""
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            values = [np.broadcast_to(np.asarray(value, dtype=complex), np.shape(s)) for value in self.entries(s, control + 0j)]
-        if not all(np.all(np.isfinite(value)) for value in values):
+            try:
+                found = self.entries(s, control + 0j)
+            except ZeroDivisionError as singular:
+                raise FloatingPointError from singular
+        values = np.empty((len(found), *np.shape(s)), dtype=complex)
+        for k, value in enumerate(found):
+            values[k] = value
+        if not np.isfinite(values).all():
             raise FloatingPointError
         iterator = iter(values)
         return [[[next(iterator) for _ in range(self.degree + 1)] for _ in range(width)] for width in self.width]
@@ -155,9 +171,10 @@ class Pencil:
         scale[scale == 0] = 1
         identity = np.zeros((len(scale), len(held)), dtype=complex)
         identity[held, np.arange(len(held))] = 1 / scale[held]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            inverse = lu_solve(lu_factor(shifted[0] / scale[:, None]), identity)
+        try:
+            inverse = np.linalg.solve(shifted[0] / scale[:, None], identity)
+        except np.linalg.LinAlgError:
+            return np.array([np.nan + 0j])
         if not np.all(np.isfinite(inverse)):
             return np.array([np.nan + 0j])
         m = len(held)
@@ -165,7 +182,7 @@ class Pencil:
         for k in range(1, degree + 1):
             companion[:m, (k - 1) * m:k * m] = -(shifted[k][held] @ inverse)
         companion[m:, :-m] = np.eye((degree - 1) * m)
-        theta = eigvals(companion)
+        theta = np.linalg.eigvals(companion).astype(complex)
         if self.finite is not None:  # what rounding leaves of a defective infinite eigenvalue is not small: their number is known
             theta = theta[np.argsort(-np.abs(theta), kind="stable")[:self.finite]]
         theta = theta[np.abs(theta) > 1e-13 * max(1.0, float(np.abs(theta).max(initial=0.0)))]
@@ -184,6 +201,14 @@ def finite_eigenvalues(operator: AlgebraicOperator, formulation: Formulation) ->
     return next(len(sizes) - 1 - k for k, size in enumerate(sizes) if size > 1e-20 * max(sizes))
 
 
+def compiled(arguments: tuple[Symbol, Symbol], expressions: list[Any]) -> Callable[..., Sequence[Any]]:
+    """Return the expressions as a NumPy function; SciPy is loaded for special functions only."""
+    names = {type(node).__name__ for one in expressions if isinstance(one, Expr) for node in one.atoms(Function)}
+    elementary = {"exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "asinh", "acosh", "atanh"}
+    modules = ["numpy"] if names <= elementary else ["scipy", "numpy"]
+    return lambdify(arguments, expressions, modules=modules)  # type: ignore[no-any-return]
+
+
 def binomial(n: int, k: int) -> int:
     """Return n over k."""
     from math import comb
@@ -191,22 +216,19 @@ def binomial(n: int, k: int) -> int:
     return comb(n, k)
 
 
-def polynomial_row(entries: list[Expr], slope: bool) -> list[list[Expr]]:
-    """Return the coefficients in lambda of a row, over its common denominator (appended as the last entry for a slope row)."""
-    denominator: Expr = together(entries[0] * 0 + 1)
-    fractions = [fraction(together(entry)) if LAMBDA in entry.free_symbols else (entry, denominator * 0 + 1) for entry in entries]
+def polynomial_row(entries: list[Expr], slope: bool, control: Symbol) -> list[list[Expr]]:
+    """Return the coefficients in lambda of a row, over its common denominator (appended as the last entry for a slope row).
+
+    A boundary row is cleared of denominators in the control too: it holds where they vanish.
+    """
+    cleared = {LAMBDA} if slope else {LAMBDA, control}
+    fractions = [fraction(together(entry)) if cleared & entry.free_symbols else (entry, Integer(1)) for entry in entries]
+    denominator: Expr = Integer(1)
     for _, bottom in fractions:
-        if LAMBDA in bottom.free_symbols:
+        if cleared & bottom.free_symbols:
             denominator = lcm(denominator, bottom)
-    result = []
-    for (top, bottom), entry in zip(fractions, entries, strict=True):
-        numerator = entry if denominator == 1 else together(top * denominator / bottom)
-        result.append(in_lambda(numerator))
-    if slope:
-        result.append(in_lambda(denominator))
-    elif denominator != 1:
-        pass
-    return result
+    tops = [entry if denominator == 1 else together(top * denominator / bottom) for (top, bottom), entry in zip(fractions, entries, strict=True)]
+    return [in_lambda(top) for top in (*tops, *([denominator] if slope else []))]
 
 
 def in_lambda(expression: Expr) -> list[Expr]:
@@ -245,7 +267,7 @@ class Spectrum:
         self.formulation = formulation
         self.level = 0
         self.known: dict[Pencil, list[complex]] = {}
-        self.bases = lambdify((formulation.space, formulation.control), [base.subs(formulation.parameters) for base in formulation.base], modules=["scipy", "numpy"])
+        self.bases = compiled((formulation.space, formulation.control), [base.subs(formulation.parameters) for base in formulation.base])
 
     def rightmost(self, control: float) -> list[tuple[complex, int]]:
         """Return the converged eigenvalues (value, weight), rightmost first.
@@ -304,6 +326,15 @@ class Spectrum:
                 return sorted((complex(value) for value in good), key=lambda z: -z.real)[:40]
             self.level += 1
 
+    def check_pointwise(self, control: float, name: Symbol) -> None:
+        """Refuse a state that loses stability at single points of the interval: no boundary-value problem, no mode."""
+        found = np.concatenate([pencil.pointwise(control) for pencil in self.pencils.values()])
+        unstable = found[found.real > 1e-9 * np.abs(found)]
+        if len(unstable):
+            worst = complex(unstable[np.argmax(unstable.real)])
+            raise DerivationError(f"equations: found a continuous spectrum that reaches {shown(worst)} at {name} = {control:.10g}: single points of the interval grow by themselves; "
+                                  "expected a loss of stability by one mode; correct the sign, or add the missing space derivative")
+
     def growth(self, control: float) -> float:
         """Return the largest real part."""
         values = self.rightmost(control)
@@ -336,6 +367,7 @@ def first_loss(operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], 
                            f"at {name} = {formulation.control_range[0]}; expected both at the lower end of control_range") from None
     if not start:
         raise ProblemError("equations: found no eigenvalue at all; expected equations with time derivatives that can lose stability")
+    spectrum.check_pointwise(low, name)
     if start[0][0].real >= -1e-13 * abs(start[0][0]) - 1e-18:
         raise ProblemError(f"control_range: found the eigenvalue {shown(start[0][0])} at {name} = {formulation.control_range[0]}; expected a base state that is "
                            "strictly stable at the lower end; lower it, or remove the neutral or unstable mode")
@@ -355,10 +387,9 @@ def first_loss(operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], 
             break
         previous = float(control)
         if len(history) >= 3 and near_zero_peak(history[-3:]):
-            peak = minimize_scalar(lambda c: -spectrum.growth(float(c)), bounds=(history[-3][0], history[-1][0]), method="bounded",
-                                   options={"xatol": 1e-6 * (high - low)})
-            if -peak.fun > 0:
-                bracket = (history[-3][0], float(peak.x))
+            top = peak_of(spectrum.growth, history[-3][0], history[-1][0], 1e-6 * (high - low))
+            if spectrum.growth(top) > 0:
+                bracket = (history[-3][0], top)
                 break
     if bracket is None:
         last = history[-1]
@@ -366,8 +397,47 @@ def first_loss(operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], 
                            f"{max(value for _, value in history):.6g}, at the upper end {last[1]:.6g}); expected one; widen control_range")
     threshold = bracket[0]
     if bracket[1] > bracket[0]:
-        threshold = float(brentq(spectrum.growth, *bracket, xtol=1e-13 * max(abs(bracket[0]), abs(bracket[1]), 1e-300), rtol=1e-14))
+        threshold = crossing(spectrum.growth, *bracket)
+    spectrum.check_pointwise(threshold, name)
     return classify(spectrum, threshold, abs(growth_before), formulation)
+
+
+def crossing(growth: Callable[[float], float], low: float, high: float) -> float:
+    """Return where `growth` changes sign between two controls: secant steps (Illinois), halving the bracket every third time."""
+    below, above = growth(low), growth(high)
+    tolerance = 1e-11 * max(abs(low), abs(high), 1e-300)
+    ends = {low: abs(below), high: abs(above)}  # the true values: the weights of the secant are halved
+    moved, small = 0, 1e-13 * min(abs(below), abs(above))
+    for step in range(400):
+        if high - low <= tolerance or 0 in (below, above):
+            break
+        middle = (low + high) / 2 if step % 3 == 2 else low + min(max(below / (below - above), 1e-3), 1 - 1e-3) * (high - low)
+        value = growth(middle)
+        if value > 0:
+            high, above, below, moved = middle, value, below / 2 if moved > 0 else below, 1
+        else:
+            low, below, above, moved = middle, value, above / 2 if moved < 0 else above, -1
+        ends[middle] = abs(value)
+        if ends[middle] <= small:
+            return middle
+    return low if ends[low] <= ends[high] else high
+
+
+def peak_of(growth: Callable[[float], float], low: float, high: float, tolerance: float) -> float:
+    """Return where `growth` is largest between two controls, by golden sections."""
+    share = (5**0.5 - 1) / 2
+    left, right = high - share * (high - low), low + share * (high - low)
+    at_left, at_right = growth(left), growth(right)
+    while high - low > tolerance:
+        if at_left > at_right:
+            high, right, at_right = right, left, at_left
+            left = high - share * (high - low)
+            at_left = growth(left)
+        else:
+            low, left, at_left = left, right, at_right
+            right = low + share * (high - low)
+            at_right = growth(right)
+    return left if at_left > at_right else right
 
 
 def near_zero_peak(points: Sequence[tuple[float, float]]) -> bool:
@@ -397,8 +467,9 @@ def singular_end(spectrum: Spectrum, inside: float, outside: float, name: Symbol
                           f"the rightmost eigenvalue there is {shown(spectrum.rightmost(inside)[0][0])}; a fold, or another singular point of the base state, is not of this class")
 
 
-def shown(value: complex) -> str:
-    """Return an eigenvalue for a message."""
+def shown(value: complex, rounding: float = 0.0) -> str:
+    """Return an eigenvalue for a message; what is below `rounding` is 0."""
+    value = complex(value.real if abs(value.real) > rounding else 0, value.imag if abs(value.imag) > rounding else 0)
     if abs(value.real) <= 1e-9 * abs(value):
         value = complex(0, value.imag)
     real = f"{value.real:.6g}"
@@ -414,7 +485,7 @@ def classify(spectrum: Spectrum, threshold: float, rate: float, formulation: For
     tolerance = AXIS * scale
     critical = [(value, weight) for value, weight in values if abs(value.real) <= tolerance]
     rest = tuple(value for value, weight in values if abs(value.real) > tolerance)[:4]
-    listing = ", ".join(f"{shown(value)}" for value, _ in critical)
+    listing = ", ".join(shown(value, tolerance) for value, _ in critical)
     where = f"at {name} = {threshold:.10g}"
     rotating = formulation.frame is not None
     oscillating = [(value, weight) for value, weight in critical if abs(value.imag) > 30 * tolerance]

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from sympy import Expr, Integer, Matrix, Symbol, cancel, expand, fraction, together
+from sympy import Add, Expr, Integer, Matrix, Mul, Symbol, cancel, expand, fraction, together
 
 from derive.expansion import Expansion, TaylorRow
 from derive.problem import DerivationError, Formulation, Jet, ProblemError
@@ -51,6 +51,8 @@ class FirstOrderOperator:
         Combinations of the forcing that must vanish, from redundant rows.
     names
         What each entry of y is: (unknown, order of derivative).
+    poles
+        Polynomials in lambda that the elimination divided by: where one vanishes a point of the interval grows by itself.
     """
 
     matrix: tuple[tuple[Expr, ...], ...]
@@ -61,6 +63,7 @@ class FirstOrderOperator:
     spare: tuple[Forcing, ...]
     names: tuple[tuple[int, int], ...]
     scalar: bool
+    poles: tuple[Expr, ...]
 
     @property
     def size(self) -> int:
@@ -74,6 +77,12 @@ class Elimination:
     def __init__(self, formulation: Formulation) -> None:
         self.formulation = formulation
         self.space = formulation.space
+        self.poles: list[Expr] = []
+
+    def divided(self, pivot: Expr) -> None:
+        """Note a pivot that holds lambda."""
+        if LAMBDA in pivot.free_symbols:
+            self.poles.append(fraction(together(pivot))[0])
 
     def tidy(self, expression: Expr) -> Expr:
         """Return a normal form: expanded, over one denominator where there is one; exact zeros become 0."""
@@ -111,10 +120,15 @@ class Elimination:
             self.add(result, {(kind, row, order + 1): value}, Integer(1))
         return result
 
-    def cost(self, coefficient: Expr) -> tuple[bool, bool, bool, int]:
-        """Return how unwelcome a pivot is: lambda, then s, then symbols, then length."""
+    def cost(self, coefficient: Expr) -> tuple[bool, bool, bool, bool, int]:
+        """Return how unwelcome a pivot is: it may vanish, holds lambda, holds s, holds symbols, and its length."""
         symbols = coefficient.free_symbols
-        return (LAMBDA in symbols, self.space in symbols, bool(symbols), coefficient.count_ops())
+        return (self.formulation.probe.may_vanish(coefficient), LAMBDA in symbols, self.space in symbols, bool(symbols), length(coefficient))
+
+
+def length(expression: Expr) -> int:
+    """Return the number of factors, blind to signs and to i: both circular components then take the same pivots."""
+    return sum(1 + sum(max(factor.count_ops(), 1) for factor in Mul.make_args(term) if factor.free_symbols) for term in Add.make_args(expression))
 
 
 @dataclass(slots=True)
@@ -187,11 +201,12 @@ def reduce_operator(expansion: Expansion, weight: int, growth: Expr, block: froz
             break
         # The best pivot of all algebraic rows.
         _, best, pivot = min(
-            (((*work.cost(coefficient)[:3], not unwelcome[k][0], -unwelcome[k][1], work.cost(coefficient)[3], k), index, k)
+            (((*work.cost(coefficient)[:4], not unwelcome[k][0], -unwelcome[k][1], work.cost(coefficient)[4], k), index, k)
              for index, one in enumerate(algebraic) for k, coefficient in one.value.items()),
         )
         chosen_row = algebraic[best]
         head = chosen_row.value[pivot]
+        work.divided(head)
         value = work.scaled({k: c for k, c in chosen_row.value.items() if k != pivot}, -1 / head)
         forcing = work.scaled(chosen_row.forcing, 1 / head)
         others = rows + algebraic[:best] + algebraic[best + 1:]
@@ -215,6 +230,7 @@ def reduce_operator(expansion: Expansion, weight: int, growth: Expr, block: froz
         free = sorted({formulation.unknowns[variables[k][0]].latex for k in remaining if k not in pivots})
         raise ProblemError(f"equations: found {len(rows)} independent equations for {len(remaining)} unknown functions; "
                            f"expected as many: nothing determines {', '.join(free)}")
+    poles = tuple(work.poles)
     check_redundant(spare, expansion)
     order = {k: place for place, k in enumerate(remaining)}
     matrix = [[Integer(0)] * len(remaining) for _ in remaining]
@@ -224,6 +240,7 @@ def reduce_operator(expansion: Expansion, weight: int, growth: Expr, block: froz
         for j, coefficient in row.value.items():
             matrix[order[k]][order[j]] = work.tidy(-coefficient / row.slope[k])
         forcings[order[k]] = work.scaled(row.forcing, 1 / row.slope[k])
+    check_finite(matrix, formulation)
     recovery: dict[int, tuple[dict[int, Expr], Forcing]] = {k: ({order[k]: Integer(1)}, {}) for k in remaining}
     for pivot, value, forcing in reversed(solved):
         total: dict[int, Expr] = {}
@@ -238,7 +255,7 @@ def reduce_operator(expansion: Expansion, weight: int, growth: Expr, block: froz
         for unknown in unknowns
     }
     operator = Unbounded(matrix=matrix, forcing=forcings, recovery=fields, names=tuple(variables[k] for k in remaining), work=work)
-    if n == 0 and unknowns:
+    if n == 0 and spare:
         raise ProblemError(contradiction(expansion, [row for _, row in chosen]))
     operator = leading_scalar(operator, leading, formulation)
     sides = [boundary_rows(operator, end_linear[side], formulation.interval[side], "left" if side == 0 else "right") for side in (0, 1)]  # type: ignore[index]
@@ -247,7 +264,7 @@ def reduce_operator(expansion: Expansion, weight: int, growth: Expr, block: froz
         raise ProblemError(count_message(formulation, found, n))
     return FirstOrderOperator(
         matrix=tuple(tuple(row) for row in operator.matrix), forcing=tuple(operator.forcing), recovery=operator.recovery,
-        left=sides[0], right=sides[1], spare=tuple(spare), names=operator.names, scalar=operator.scalar,
+        left=sides[0], right=sides[1], spare=tuple(spare), names=operator.names, scalar=operator.scalar, poles=poles,
     )
 
 
@@ -279,6 +296,15 @@ def check_redundant(spare: Sequence[Forcing], expansion: Expansion) -> None:
         else:
             labels = ", ".join(dict.fromkeys(expansion.rows[row].label for row in rows))
             raise ProblemError(f"equations: {labels} contradict each other: found more independent equations than unknowns; expected as many, or redundant ones that follow from the others")
+
+
+def check_finite(matrix: Sequence[Sequence[Expr]], formulation: Formulation) -> None:
+    """Refuse a coefficient with a pole on the interval, at the lower end of the control range."""
+    lowest = {formulation.control: formulation.control_range[0]}
+    for entry in dict.fromkeys(entry for row in matrix for entry in row if formulation.space in entry.free_symbols):
+        bottom = fraction(together(entry))[1]
+        if formulation.space in bottom.free_symbols and LAMBDA not in bottom.free_symbols and formulation.probe.may_vanish(bottom.subs(lowest)):
+            raise ProblemError(f"equations: found a coefficient that is not finite on the interval (it is divided by {bottom}); expected coefficients that are finite and smooth, ends included")
 
 
 def contradiction(expansion: Expansion, rows: Sequence[TaylorRow]) -> str:
@@ -316,7 +342,7 @@ def echelon(rows: list[WorkingRow], work: Elimination) -> None:
     used: set[int] = set()
     while True:
         candidates = [
-            ((*work.cost(coefficient)[:3], work.cost(coefficient)[3], k, index), index, k)
+            ((*work.cost(coefficient), k, index), index, k)
             for index, row in enumerate(rows) if index not in used for k, coefficient in row.slope.items()
         ]
         if not candidates:
@@ -325,6 +351,7 @@ def echelon(rows: list[WorkingRow], work: Elimination) -> None:
         used.add(index)
         pivot = rows[index]
         head = pivot.slope[k]
+        work.divided(head)
         if head != 1:
             pivot.slope = {key: Integer(1) if key == k else value for key, value in work.scaled(pivot.slope, 1 / head).items()}
             pivot.value = work.scaled(pivot.value, 1 / head)
@@ -384,7 +411,7 @@ def leading_scalar(operator: Unbounded, leading: Sequence[int], formulation: For
     determinant = work.tidy(change.det(method="berkowitz"))
     if determinant == 0 or LAMBDA in determinant.free_symbols or formulation.control in determinant.free_symbols:
         return operator
-    inverse = change.inv(method="ADJ").applyfunc(work.tidy)
+    inverse = (change.adjugate(method="berkowitz") / determinant).applyfunc(work.tidy)
     last = [work.tidy(sum((rows[n][k] * inverse[k, j] for k in range(n)), Integer(0))) for j in range(n)]
 
     def combined(row: Sequence[Expr], forcing: Forcing) -> tuple[tuple[Expr, ...], Forcing]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from sympy import Expr, Integer
 
 from derive.expansion import Expansion
-from derive.operator import LAMBDA, Elimination, Forcing, WorkingRow, at_growth, check_redundant
+from derive.operator import LAMBDA, Elimination, Forcing, WorkingRow, at_growth, check_redundant, length
 from derive.problem import ProblemError
 
 
@@ -58,7 +58,7 @@ def reduce_ordinary(expansion: Expansion, weight: int, growth: Expr) -> Algebrai
     leading = set(formulation.normalised)
     while True:
         candidates = [
-            ((bool(c.free_symbols), k in leading, c.count_ops(), index, k), index, k)
+            ((bool(c.free_symbols), k in leading, length(c), index, k), index, k)
             for index, row in enumerate(rows) for k, c in row.value.items()
             if LAMBDA not in c.free_symbols and control not in c.free_symbols and k not in leading
         ]

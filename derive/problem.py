@@ -221,7 +221,7 @@ def load_problem(target: str | Path) -> Problem:
     try:
         bound = runpy.run_path(str(path), run_name="fredholm_problem")
     except SyntaxError as mistake:
-        raise ProblemError(f"{mistake.filename or path}, line {mistake.lineno}: SyntaxError: {mistake.msg}") from mistake
+        raise ProblemError(f"{mistake.filename or path}, line {mistake.lineno or '?'}: SyntaxError: {mistake.msg}") from mistake
     except ProblemError as mistake:
         raise ProblemError(f"{path}, line {line_in(path, mistake)}: {mistake}") from mistake
     except KeyboardInterrupt:
@@ -490,6 +490,9 @@ def formulate(problem: Problem) -> Formulation:
             raise ProblemError(f"{what}: found I; expected real equations: write real and imaginary parts as two fields")
         unset = [symbol for symbol in ordered_symbols([expression]) if symbol not in allowed]
         if unset:
+            known_names = {symbol.name: symbol for symbol in user_symbols}
+            if unset[0].name in known_names:
+                raise ProblemError(f"{what}: found a symbol {unset[0]} that is not the declared {unset[0]} (their assumptions differ); make it once, with Symbol(...), and use that one everywhere")
             raise ProblemError(f"{what}: found the symbol {unset[0]} without a value; add parameters={{{unset[0]}: ...}}")
         return expression
 

@@ -9,12 +9,14 @@ from __future__ import annotations
 import random
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import product
 
-from sympy import Expr, I, Rational, Symbol, expand
+from sympy import Expr, I, Rational, Symbol, expand, nan, oo, zoo
 from sympy.core.evalf import PrecisionExhausted
 
 DIGITS = 40
 POINTS = 3
+SAMPLES = 9
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +63,31 @@ class Probe:
         moved = Probe(fixed={**self.fixed, symbol: self.fixed[symbol] * Rational(17, 16)}, ranges=self.ranges)
         value = moved.value(expression, 0)
         return value is None or abs(value) > 1e-30
+
+    def may_vanish(self, expression: Expr) -> bool:
+        """Tell whether the expression vanishes or changes sign somewhere in the ranges of its symbols, ends included; by samples."""
+        if not expression.free_symbols & set(self.ranges):
+            return False
+        key = ("may_vanish", expression)
+        if key not in self.cache:
+            self.cache[key] = self._may_vanish(expression)
+        return bool(self.cache[key])
+
+    def _may_vanish(self, expression: Expr) -> bool:
+        first = None
+        for shares in product(range(SAMPLES), repeat=len(self.ranges)):
+            point = dict(self.fixed)
+            for share, (symbol, (low, high)) in zip(shares, self.ranges.items(), strict=True):
+                point[symbol] = low + (high - low) * Rational(share, SAMPLES - 1)
+            if set(expression.free_symbols) - set(point):
+                return False
+            value = expression.subs(point).evalf(15)
+            if not value.is_number or value == 0 or value.has(nan, zoo, oo):
+                return True
+            first = first or value
+            if (complex(value) / complex(first)).real <= 1e-12:
+                return True
+        return False
 
     def value(self, expression: Expr, attempt: int) -> complex | None:
         """Return the expression at the random point number `attempt`, or None where it has no finite value."""
