@@ -197,8 +197,8 @@ def finite_eigenvalues(operator: AlgebraicOperator, formulation: Formulation) ->
     determinant = expand(Matrix(entries).det(method="berkowitz")) if entries else Integer(1)
     if LAMBDA not in determinant.free_symbols:
         return 0
-    sizes = [abs(complex(coefficient.evalf(30))) for coefficient in Poly(fraction(together(determinant))[0], LAMBDA).all_coeffs()]
-    return next(len(sizes) - 1 - k for k, size in enumerate(sizes) if size > 1e-20 * max(sizes))
+    coefficients = Poly(fraction(together(determinant))[0], LAMBDA).all_coeffs()
+    return next((len(coefficients) - 1 - k for k, coefficient in enumerate(coefficients) if not formulation.probe.is_zero(coefficient)), 0)
 
 
 def compiled(arguments: tuple[Symbol, Symbol], expressions: list[Any]) -> Callable[..., Sequence[Any]]:

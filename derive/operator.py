@@ -63,7 +63,7 @@ class FirstOrderOperator:
     spare: tuple[Forcing, ...]
     names: tuple[tuple[int, int], ...]
     scalar: bool
-    poles: tuple[Expr, ...]
+    poles: tuple[Expr, ...] = ()
 
     @property
     def size(self) -> int:
