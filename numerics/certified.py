@@ -20,10 +20,9 @@ from flint import acb, arb
 
 from numerics.algebra import Algebra
 from numerics.certified_linear import CertifiedConstants, Unproved, upper
-from numerics.certified_root import ProvedRoot, Slopes, prove_root, slopes_at
+from numerics.certified_root import ProvedRoot, approach, prove_root, slopes_at
 from numerics.certified_series import PowerSeries, TooCoarse
 from numerics.precision import EvaluationError, NotClosed, bits_of, working_precision
-from numerics.threshold import newton
 
 if TYPE_CHECKING:
     from numerics.coefficients import Module, Result
@@ -89,6 +88,9 @@ def evaluate_certified(module: Module, digits: int, route: str) -> Result:
         except TooCoarse as coarse:
             plan = plan.halved(coarse.panels)
             continue
+        except Undecided as problem:
+            reason = str(problem)
+            break
         except Unproved as problem:
             reason = str(problem)
             missing = bits // 2
@@ -122,16 +124,22 @@ def find_root(module: Module, plan: Plan, bits: int) -> ProvedRoot:
     def build(control: acb, frequency: acb) -> Algebra:
         return algebra_of(module, plan, control, frequency)
 
+    scale = (abs(arb(module.ONSET[0])) + abs(arb(module.CONTROL_RANGE[1]) - arb(module.CONTROL_RANGE[0])) * arb(2) ** -8).mid()
+    control, frequency = arb(module.ONSET[0]).mid(), arb(module.ONSET[1]).mid() if hopf else None
+    with working_precision(128):
+        a = build(acb(control), acb(frequency if frequency is not None else 0))
+        corner = a.corner(module.critical(a))  # type: ignore[attr-defined]
+
     def determinant(control: acb, frequency: acb) -> acb:
         a = build(control, frequency)
-        return a.determinant(module.critical(a))  # type: ignore[attr-defined, no-any-return]
+        return a.defect(module.critical(a), corner)  # type: ignore[attr-defined, no-any-return]
 
-    width = abs(arb(module.CONTROL_RANGE[1]) - arb(module.CONTROL_RANGE[0])).mid()
-    control, frequency = arb(module.ONSET[0]).mid(), arb(module.ONSET[1]).mid() if hopf else None
-    start = newton(build, module.critical, control, frequency, bits, bits - GUARD // 2, False, width)
-    control, frequency = start.control.mid(), start.frequency.mid() if hopf else None
-    slopes: Slopes = slopes_at(determinant, control, frequency, abs(control) + width * arb(2) ** -8)
-    return prove_root(determinant, slopes, control, frequency)
+    control, frequency = approach(determinant, control, frequency, scale, bits)
+    return prove_root(determinant, slopes_at(determinant, control, frequency, scale), control, frequency)
+
+
+class Undecided(EvaluationError):
+    """An enclosure that holds zero at any precision: whether the number is zero balls cannot tell."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,7 +169,8 @@ def enclosures(module: Module, a: Algebra) -> Enclosed:
             quadratic_zero = False
             values["coefficient_A2"] = value
         elif not value.is_zero():
-            raise Unproved("whether the coefficient of A**2 vanishes is not proved: no symmetry of the equations makes it vanish, and its enclosure holds zero")
+            message = "whether the coefficient of A**2 vanishes is not proved: no symmetry of the equations is known that makes it vanish, and its enclosure holds zero"
+            raise Undecided(message) if upper(value) < arb(2) ** (-flint.ctx.prec // 2) else Unproved(message)
     for _, monomial, identifier in module.COEFFICIENTS:
         if quadratic_zero or monomial != "A**3":
             values[identifier] = run(identifier)

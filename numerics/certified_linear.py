@@ -58,6 +58,20 @@ def acb_mat_approximate(matrix: acb_mat, right: Sequence[acb]) -> list[acb]:
         raise Unproved("found a matrix of corank higher than one") from singular
 
 
+def schur(rows: Rows, corner: tuple[int, int]) -> acb:
+    """Return det(rows) over the minor without the corner's row and column: it vanishes exactly where the matrix is singular.
+
+    Unlike the determinant itself it does not cancel near a simple root; the minor is proved not to vanish.
+    """
+    row, column = corner
+    if len(rows) == 1:
+        return rows[0][0]
+    kept = [[entry for k, entry in enumerate(line) if k != column] for index, line in enumerate(rows) if index != row]
+    inner = solved(kept, [line[column] for index, line in enumerate(rows) if index != row])
+    outer = [entry for k, entry in enumerate(rows[row]) if k != column]
+    return rows[row][column] - sum((a * b for a, b in zip(outer, inner, strict=True)), acb(0))
+
+
 def kernel(rows: Rows) -> list[acb]:
     """Return an enclosure of the null vector of a square matrix that is singular at the true threshold; one entry is 1."""
     n = len(rows)
@@ -128,6 +142,18 @@ class Enclosing(Algebra):
 
         return apply
 
+    def rows(self, operator: Operator) -> list[list[acb]]:
+        """Return a square matrix that is singular exactly where the linear problem is."""
+        raise NotImplementedError
+
+    def corner(self, operator: Operator) -> tuple[int, int]:
+        """Return the row and column whose minor stays away from zero near the threshold."""
+        return pivots(self.rows(operator))
+
+    def defect(self, operator: Operator, corner: tuple[int, int]) -> acb:
+        """Return an analytic function of control and frequency that vanishes exactly where the linear problem is singular."""
+        return schur(self.rows(operator), corner)
+
 
 class CertifiedConstants(Enclosing, Constants):
     """The certified algebra without space."""
@@ -137,10 +163,6 @@ class CertifiedConstants(Enclosing, Constants):
     def rows(self, operator: Operator) -> list[list[acb]]:
         """Return M."""
         return [[number(entry) for entry in row] for row in operator.matrix]
-
-    def determinant(self, operator: Operator) -> acb:
-        """Return det M."""
-        return acb_mat(self.rows(operator)).det()
 
     def kernel(self, operator: Operator, row: Row) -> tuple[acb, ...]:
         """Return y with M y = 0 and row y = 1."""

@@ -71,7 +71,7 @@ def slopes_at(determinant: Determinant, control: arb, frequency: arb | None, sca
                 continue
             first = []
             for k in range(count):
-                h = radii[k] * arb(2) ** -20
+                h = radii[k] * arb(2) ** -40
                 values = []
                 for sign in (1, -1):
                     moved = list(point)
@@ -83,6 +83,52 @@ def slopes_at(determinant: Determinant, control: arb, frequency: arb | None, sca
                 return Slopes(first=tuple(first), radii=radii, variation=variation)
             reason = "its derivatives are not known well enough"
     raise Unproved(f"the threshold is not proved to be a simple root: {reason or 'the determinant is not bounded near it'}")
+
+
+def approach(determinant: Determinant, control: arb, frequency: arb | None, scale: arb, bits: int) -> tuple[arb, arb | None]:
+    """Return a root to nearly `bits` bits, without a proof: Newton's method from a double, the precision doubled on the way."""
+    start, level = control, min(128, bits)
+    inverse: list[list[arb]] = []
+    before = arb(1)
+    for _ in range(60):
+        with working_precision(level):
+            value = determinant(acb(control), acb(frequency if frequency is not None else 0)).mid()
+            if not inverse or level < bits:
+                inverse = inverse_slopes(determinant, control, frequency, scale, value)
+            parts = [value.real, value.imag]
+            steps = [sum((a * b for a, b in zip(line, parts, strict=True)), arb(0)).mid() for line in inverse]
+            control = (control - steps[0]).mid()
+            size = abs(steps[0]) / scale
+            if frequency is not None:
+                frequency = (frequency - steps[1]).mid()
+                size = size + abs(steps[1]) / abs(frequency)
+            if not size < arb("0.1") or abs(control - start) > scale / 100:
+                raise Unproved("Newton's method leaves the neighbourhood of the derivation's threshold")
+            if level < bits:
+                if size < arb(2) ** (24 - level // 2):
+                    level = min(2 * level - 32, bits)
+            elif size < arb(2) ** (24 - level) or before < arb(2) ** (-level // 3) and size > before / 4:
+                return control, frequency
+            before = size
+    raise Unproved("Newton's method does not converge to the threshold")
+
+
+def inverse_slopes(determinant: Determinant, control: arb, frequency: arb | None, scale: arb, value: acb) -> list[list[arb]]:
+    """Return the rows that turn (Re D, Im D) into Newton's steps, from differences."""
+    half = arb(2) ** (-(flint.ctx.prec // 2))
+    h = (scale * half).mid()
+    a = ((determinant(acb(control + h), acb(frequency if frequency is not None else 0)) - value) / h).mid()
+    if frequency is None:
+        if a == 0:
+            raise Unproved("the critical eigenvalue does not cross the axis with the control")
+        one = 1 / a
+        return [[one.real.mid(), -one.imag.mid()]]
+    k = (abs(frequency) * half).mid()
+    b = ((determinant(acb(control), acb(frequency + k)) - value) / k).mid()
+    det = (a.real * b.imag - a.imag * b.real).mid()
+    if det == 0:
+        raise Unproved("the critical eigenvalue does not cross the axis with the control")
+    return [[(b.imag / det).mid(), (-b.real / det).mid()], [(-a.imag / det).mid(), (a.real / det).mid()]]
 
 
 def _accurate(slope: acb) -> bool:

@@ -19,6 +19,7 @@ from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Any, ClassVar
 
+import flint
 import numpy as np
 from flint import acb, acb_mat, acb_poly, acb_series, arb
 
@@ -211,24 +212,26 @@ class PowerSeries(Enclosing):
         return pieces
 
     def expanded_on(self, at: Callable[[Any], Any], k: int) -> acb_poly | None:
-        """Return the series on one panel, or None where no disc of twice the panel is free of singularities."""
+        """Return the series on one panel, or None where singularities are too near for the tail to be negligible."""
         centre, half = self.centres[k], self.halves[k]
         value = at(acb_series([centre, half], self.terms))
         if not isinstance(value, acb_series):
             return acb_poly([number(value)])
         tail: arb | None = None
+        size = arb(1)
         rho = arb(2)
         for _ in range(40):
             bound = at(centre + half * acb(arb(0, rho), arb(0, rho)))
             if not bound.is_finite():
                 break
+            size = upper(bound) if tail is None else size
             candidate = upper(bound) * rho ** (-self.terms) / (1 - 1 / rho)
             if tail is not None and not candidate < tail:
                 break
             tail = candidate
             rho = rho * arb("1.5")
         coefficients = value.coeffs()
-        if tail is None or not all(c.is_finite() for c in coefficients):
+        if tail is None or tail > size * arb(2) ** (24 - flint.ctx.prec) or not all(c.is_finite() for c in coefficients):
             return None
         return acb_poly(coefficients) + self.within(tail)
 
@@ -387,7 +390,7 @@ class PowerSeries(Enclosing):
         right = [[self.right(entry) for entry in row] for row in operator.right]
         return left, right
 
-    def global_rows(self, operator: Operator) -> list[list[acb]]:
+    def rows(self, operator: Operator) -> list[list[acb]]:
         """Return the rows for the states at the centres of the panels: boundary rows, and continuity at the breaks."""
         n, total = operator.size, operator.size * self.panels
         flow = self.flow(operator)
@@ -404,10 +407,6 @@ class PowerSeries(Enclosing):
                 row[(k + 1) * n:(k + 2) * n] = [-entry for entry in after[i]]
                 rows.append(row)
         return rows
-
-    def determinant(self, operator: Operator) -> acb:
-        """Return the determinant of the rows for the states at the centres: zero exactly where the problem is singular."""
-        return acb_mat(self.global_rows(operator)).det()
 
     def assembled(self, operator: Operator, states: Sequence[acb], particular: Sequence[Sequence[acb_poly]] | None) -> list[Series]:
         """Return the functions from the states at the centres."""
@@ -426,7 +425,7 @@ class PowerSeries(Enclosing):
 
     def kernel(self, operator: Operator, row: Row | None = None, place: Any = None) -> tuple[Series, ...]:
         """Return y with homogeneous boundary rows; row y = 1 at `place`, or of any size."""
-        functions = self.assembled(operator, kernel(self.global_rows(operator)), None)
+        functions = self.assembled(operator, kernel(self.rows(operator)), None)
         return tuple(functions) if row is None else scaled_to(functions, self.row_at(row, functions, place))
 
     def forced(self, operator: Operator, forcing: Row, left: Row, right: Row) -> tuple[list[list[acb_poly]], list[acb]]:
@@ -446,13 +445,13 @@ class PowerSeries(Enclosing):
         """Return y with y' = P y + forcing and the boundary rows equal to `left` and `right`."""
         self.counts["solves"] = self.counts.get("solves", 0) + 1
         particular, data = self.forced(operator, forcing, left, right)
-        return tuple(self.assembled(operator, solved(self.global_rows(operator), data), particular))
+        return tuple(self.assembled(operator, solved(self.rows(operator), data), particular))
 
     def solve_singular(self, operator: Operator, forcing: Row, left: Row, right: Row, row: Row, place: Any) -> tuple[Series, ...]:
         """Return the solution with row y = 0 at `place` of a problem singular at the true threshold, with a forcing in its range."""
         self.counts["solves"] = self.counts.get("solves", 0) + 1
         particular, data = self.forced(operator, forcing, left, right)
-        rows = self.global_rows(operator)
+        rows = self.rows(operator)
         mode = self.assembled(operator, kernel(rows), None)
         # Any solution will do: the one with the state that the mode has largest at zero; then the mode is taken off.
         n = len(rows)
