@@ -17,6 +17,7 @@ from derive.amplitude import weak_identifier
 from derive.operator import OMEGA, FirstOrderOperator
 from derive.problem import ProblemError
 from derive.response import Operator, Response
+from derive.symmetry import amplitude_is_odd
 
 if TYPE_CHECKING:
     from derive.amplitude import Coefficient
@@ -297,6 +298,8 @@ def emit(derivation: Derivation) -> str:
     lines += [f'    ({quoted(name)}, "{monomial}", "{identifier}"),' for name, monomial, identifier in names]
     lines += [")"]
     lines += [f'QUADRATIC = ({quoted(reduction.quadratic.name)}, "A**2", "coefficient_A2")' if reduction.quadratic is not None else "QUADRATIC = None"]
+    if reduction.quadratic is not None:
+        lines += [f"ODD = {amplitude_is_odd(derivation.expansion)}  # a symmetry of the equations changes the sign of A"]
     lines += ["MIRROR = ("] + [f'    ("{identifier}", "mirror_{identifier.removeprefix("coefficient_")}"),' for identifier, _ in reduction.mirror] + [")"]
     weak_names = {(weak.row, weak.column): weak_identifier(weak) for weak in reduction.weak}
     weak_titles = derivation.problem.coefficient_names
