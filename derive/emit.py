@@ -248,6 +248,23 @@ def operator_lines(name: str, operator: Operator | Adjoint, printer: Printer, co
     return [*lines, "    )"]
 
 
+def is_constant(operator: Operator, derivation: Derivation) -> bool:
+    """Tell whether the linear problem does not depend on s."""
+    return not any(derivation.expansion.formulation.space in entry.free_symbols for row in operator.matrix for entry in row)
+
+
+def pencil_lines(weight: int, operator: Operator, printer: Printer) -> list[str]:
+    """Return the functions that give the linear problem of a weight at any growth rate, and what its elimination divided by."""
+    name = f"pencil_{weight}"
+    divisors: Sequence[Expr] = operator.divisors if isinstance(operator, FirstOrderOperator) else ()
+    lines = operator_lines(name, operator, printer, f"The linear problem of weight {weight} at the growth rate lam.")
+    lines[lines.index("@stage"):lines.index(f"def {name}(a):") + 1] = [f"def {name}(a, lam):"]
+    lines += ["", "", f"def divisors_{weight}(a, lam):", f'    """What was divided by: eigenvalues where one of these vanishes may be missing from `{name}`."""']
+    lines += [f"    {line}" for line in printer.bindings(divisors)]
+    entries = [printer.text(entry) for entry in divisors]
+    return [*lines, f"    return ({', '.join(entries)}{',' if len(entries) == 1 else ''})"]
+
+
 def read(side: str, expression: Expr, printer: Printer, derivation: Derivation) -> str:
     """Return an expression read at an end; a number stands for itself."""
     if derivation.reduction.functions.is_function(expression):
@@ -329,6 +346,11 @@ def emit(derivation: Derivation) -> str:
         lines += ["", "", "@stage", "def adjoint_mode(a):", f'    """The adjoint mode: {", ".join(symbol.name for symbol in reduction.solvability.zeta)}."""', "    return a.kernel(adjoint(a))"]
     else:
         lines += ["", "", "@stage", "def adjoint_mode(a):", f'    """The left null vector: {", ".join(symbol.name for symbol in reduction.solvability.zeta)}."""', "    return a.left_kernel(critical(a))"]
+    pencils = {weight: operator for weight, operator in derivation.operators.items() if weight >= 0 and is_constant(operator, derivation)}
+    lines[lines.index("WEAK = ()" if not weak_names else "WEAK = ("):0] = [
+        "PENCILS = (" + "".join(f'({weight}, "pencil_{weight}"), ' for weight in sorted(pencils)).rstrip(" ") + ")"]
+    for weight, operator in sorted(pencils.items()):
+        lines += pencil_lines(weight, operator, printer)
     for name, operator in reduction.operators.items():
         if name != "critical":
             lines += operator_lines(name, operator, printer, f"The linear problem of harmonic {name.removeprefix('operator_')}.")

@@ -51,6 +51,8 @@ class FirstOrderOperator:
         Combinations of the forcing that must vanish, from redundant rows.
     names
         What each entry of y is: (unknown, order of derivative).
+    divisors
+        What holds lambda and was divided by: an eigenvalue where one of these vanishes may be lost.
     """
 
     matrix: tuple[tuple[Expr, ...], ...]
@@ -61,6 +63,7 @@ class FirstOrderOperator:
     spare: tuple[Forcing, ...]
     names: tuple[tuple[int, int], ...]
     scalar: bool
+    divisors: tuple[Expr, ...] = ()
 
     @property
     def size(self) -> int:
@@ -74,6 +77,13 @@ class Elimination:
     def __init__(self, formulation: Formulation) -> None:
         self.formulation = formulation
         self.space = formulation.space
+        self.divisors: list[Expr] = []
+
+    def inverse(self, pivot: Expr) -> Expr:
+        """Return 1/pivot, and remember a pivot that vanishes for some lambda."""
+        if LAMBDA in pivot.free_symbols and pivot not in self.divisors:
+            self.divisors.append(pivot)
+        return 1 / pivot
 
     def tidy(self, expression: Expr) -> Expr:
         """Return a normal form: expanded, over one denominator where there is one; exact zeros become 0."""
@@ -183,7 +193,7 @@ def reduce_operator(expansion: Expansion, weight: int, growth: Expr) -> FirstOrd
         )
         chosen_row = algebraic[best]
         head = chosen_row.value[pivot]
-        value = work.scaled({k: c for k, c in chosen_row.value.items() if k != pivot}, -1 / head)
+        value = work.scaled({k: c for k, c in chosen_row.value.items() if k != pivot}, -work.inverse(head))
         forcing = work.scaled(chosen_row.forcing, 1 / head)
         others = rows + algebraic[:best] + algebraic[best + 1:]
         for other in others:
@@ -238,7 +248,7 @@ def reduce_operator(expansion: Expansion, weight: int, growth: Expr) -> FirstOrd
         raise ProblemError(count_message(formulation, found, n))
     return FirstOrderOperator(
         matrix=tuple(tuple(row) for row in operator.matrix), forcing=tuple(operator.forcing), recovery=operator.recovery,
-        left=sides[0], right=sides[1], spare=tuple(spare), names=operator.names, scalar=operator.scalar,
+        left=sides[0], right=sides[1], spare=tuple(spare), names=operator.names, scalar=operator.scalar, divisors=tuple(work.divisors),
     )
 
 
@@ -306,7 +316,7 @@ def echelon(rows: list[WorkingRow], work: Elimination) -> None:
         pivot = rows[index]
         head = pivot.slope[k]
         if head != 1:
-            pivot.slope = {key: Integer(1) if key == k else value for key, value in work.scaled(pivot.slope, 1 / head).items()}
+            pivot.slope = {key: Integer(1) if key == k else value for key, value in work.scaled(pivot.slope, work.inverse(head)).items()}
             pivot.value = work.scaled(pivot.value, 1 / head)
             pivot.forcing = work.scaled(pivot.forcing, 1 / head)
         for other_index, other in enumerate(rows):
