@@ -310,7 +310,8 @@ def emit(derivation: Derivation) -> str:
         f"NAME = {quoted(derivation.problem.name)}", f'KIND = "{onset.kind}"', f"MULTIPLICITY = {2 if reduction.vector else 1}",
         f"SPATIAL = {spatial}", f'CONTROL = "{formulation.control.name}"',
         f'CONTROL_RANGE = ("{float(formulation.control_range[0])!r}", "{float(formulation.control_range[1])!r}")',
-        f'ONSET = ("{onset.control:.8g}", {frequency})', "COEFFICIENTS = (",
+        f'ONSET = ("{onset.control:.8g}", {frequency})',
+        f'NEIGHBOUR = "{max((value.real for value in onset.other_eigenvalues), default=0.0):.1e}"  # the growth rate of the next mode there, roughly', "COEFFICIENTS = (",
     ]
     lines += [f'    ({quoted(name)}, "{monomial}", "{identifier}"),' for name, monomial, identifier in names]
     lines += [")"]

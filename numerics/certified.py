@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -19,6 +19,7 @@ import flint
 from flint import acb, arb
 
 from numerics.algebra import Algebra
+from numerics.certified_count import first_instability
 from numerics.certified_linear import CertifiedConstants, Unproved, upper
 from numerics.certified_root import ProvedRoot, approach, prove_root, slopes_at
 from numerics.certified_series import PowerSeries, TooCoarse
@@ -68,7 +69,7 @@ def algebra_of(module: Module, plan: Plan, control: acb, frequency: acb) -> Alge
     return PowerSeries(ends=ends, breaks=plan.breaks, terms=terms_of(flint.ctx.prec), real=module.KIND == "steady", **common)  # type: ignore[arg-type]
 
 
-def evaluate_certified(module: Module, digits: int, route: str) -> Result:
+def evaluate_certified(module: Module, digits: int, route: str, count: bool) -> Result:
     """Return threshold and coefficients with proved bounds.
 
     Raises
@@ -84,7 +85,7 @@ def evaluate_certified(module: Module, digits: int, route: str) -> Result:
     reason = ""
     for _ in range(40):
         try:
-            answer, missing = attempt(module, plan, digits, bits, seconds)
+            answer, missing = attempt(module, plan, digits, bits, seconds, count)
         except TooCoarse as coarse:
             plan = plan.halved(coarse.panels)
             continue
@@ -104,7 +105,7 @@ def evaluate_certified(module: Module, digits: int, route: str) -> Result:
     raise EvaluationError(f"--certify: {module.NAME} at {digits} digits: {reason}; run without --certify: the error is then estimated from two computations")
 
 
-def attempt(module: Module, plan: Plan, digits: int, bits: int, seconds: list[float]) -> tuple[Result | None, int]:
+def attempt(module: Module, plan: Plan, digits: int, bits: int, seconds: list[float], count: bool) -> tuple[Result | None, int]:
     """Return the result at one precision, or the bits that are missing."""
     begun = time.perf_counter()
     with working_precision(bits):
@@ -114,7 +115,10 @@ def attempt(module: Module, plan: Plan, digits: int, bits: int, seconds: list[fl
         a = algebra_of(module, plan, acb(root.control), acb(root.frequency))
         values = enclosures(module, a)
         seconds[1] += time.perf_counter() - begun
-        return written_result(module, plan, digits, root, values, seconds)
+        result, missing = written_result(module, plan, digits, root, values, seconds)
+    if result is None or not count:
+        return result, missing
+    return replace(result, first_instability=first_instability(module, root.control, root.frequency, float(module.names.get("NEIGHBOUR", "0")))), 0
 
 
 def find_root(module: Module, plan: Plan, bits: int) -> ProvedRoot:

@@ -22,13 +22,13 @@ import numpy as np
 from flint import acb, acb_mat, acb_poly, arb
 
 from numerics.algebra import Algebra, Operator, number
-from numerics.certified_linear import Unproved, kernel, upper
+from numerics.certified_linear import Unproved, solved, upper
 from numerics.precision import EvaluationError, working_precision
 
 if TYPE_CHECKING:
     from numerics.coefficients import Module
 
-BITS = 96
+BITS = 80
 MOST_SEGMENTS = 6000
 MOST_PIECES = 1500
 
@@ -152,22 +152,39 @@ class Pencil:
         """Whether D is a polynomial: no space, or exponents that do not depend on lambda."""
         return self.length is None
 
-    def rows(self, z: acb, panels: int) -> acb_mat:
-        """Return a matrix whose determinant is D up to a sign: states at the ends of panels, boundary rows, continuity."""
+    def flow(self, z: acb, panels: int) -> acb_mat:
+        """Return exp(P L / panels)."""
+        assert self.length is not None
+        return (acb_mat([[entry.at(z) for entry in row] for row in self.matrix]) * (self.length / panels)).exp()
+
+    def march(self, z: acb, panels: int, changes: Sequence[acb_mat] | None, flow: acb_mat | None) -> tuple[acb_mat, list[acb_mat]]:
+        """Return T y for the solutions y that meet the left rows, and the constant changes of basis made on the way.
+
+        Its determinant is D times a constant: the left rows are in echelon form. Without a change of basis after every panel the
+        solutions would become parallel.
+        """
         if self.length is None:
-            return acb_mat([[entry.at(z) for entry in row] for row in self.matrix])
-        n = len(self.matrix)
-        flow = (acb_mat([[entry.at(z) for entry in row] for row in self.matrix]) * (self.length / panels)).exp().tolist()
-        total = n * (panels + 1)
-        rows = [[*(entry.at(z) for entry in row), *[0] * (total - n)] for row in self.left]
+            return acb_mat([[entry.at(z) for entry in row] for row in self.matrix]), []
+        flow, basis = flow if flow is not None else self.flow(z, panels), self.start(z)
+        made: list[acb_mat] = []
         for k in range(panels):
-            for i in range(n):
-                row: list[Any] = [0] * total
-                row[k * n:(k + 1) * n] = flow[i]
-                row[(k + 1) * n + i] = -1
-                rows.append(row)
-        rows += [[*[0] * (total - n), *(entry.at(z) for entry in row)] for row in self.right]
-        return acb_mat(rows)
+            basis = flow * basis
+            change = changes[k] if changes is not None else triangular(basis)
+            made.append(change)
+            basis = basis * change
+        return acb_mat([[entry.at(z) for entry in row] for row in self.right]) * basis, made
+
+    def start(self, z: acb) -> acb_mat:
+        """Return a basis of the null space of the left rows, which are in echelon form."""
+        n = len(self.matrix)
+        pivots = [next(j for j in range(n) if is_one(row[j]) and all(other is row or other[j].order is None for other in self.left)) for row in self.left]
+        free = [j for j in range(n) if j not in pivots]
+        table: list[list[Any]] = [[0] * len(free) for _ in range(n)]
+        for column, j in enumerate(free):
+            table[j][column] = 1
+            for row, pivot in zip(self.left, pivots, strict=True):
+                table[pivot][column] = -row[j].at(z)
+        return acb_mat(table)
 
     def panels(self, z: acb) -> int:
         """Return how many panels keep the growth on each moderate."""
@@ -176,6 +193,18 @@ class Pencil:
         sizes = np.array([[abs(complex(entry.at(z).mid())) for entry in row] for row in self.matrix])
         rate = float(np.abs(np.linalg.eigvals(sizes)).max())
         return max(1, math.ceil(rate * float(abs(self.length).mid()) / 4))
+
+
+def is_one(entry: Ratio) -> bool:
+    """Tell whether an entry is exactly 1."""
+    return entry.order == 0 and entry.top.degree() == 0 and entry.at(acb(0)) == 1
+
+
+def triangular(basis: acb_mat) -> acb_mat:
+    """Return a constant matrix that makes the columns of the midpoint nearly orthonormal."""
+    _, upper_factor = np.linalg.qr(np.array([[complex(entry.mid()) for entry in row] for row in basis.tolist()]))
+    inverse = np.linalg.inv(upper_factor)
+    return acb_mat([[acb(float(z.real), float(z.imag)) for z in row] for row in inverse])
 
 
 def pencil_of(module: Module, a: Algebra, weight: int, length: acb | None) -> Pencil:
@@ -226,6 +255,36 @@ def scaled_entry(entry: Ratio, power: Fraction, scaling: Scaling, mu: acb) -> ac
     return entry.beyond(mu**scaling.root) * mu ** int(exponent)
 
 
+def diagonalised(matrix: acb_mat) -> tuple[acb_mat, list[acb], list[list[acb]]] | None:
+    """Return an exact change of basis V, discs that hold one eigenvalue each (Gershgorin), and the eigenvectors over V."""
+    n = matrix.nrows()
+    doubles = np.array([[complex(entry.mid()) for entry in row] for row in matrix.tolist()])
+    if not np.all(np.isfinite(doubles)):
+        return None
+    change = acb_mat([[acb(float(z.real), float(z.imag)) for z in row] for row in np.linalg.eig(doubles)[1]])
+    try:
+        near = (change.inv() * (matrix * change)).tolist()  # nearly diagonal; an exact matrix inverted first, for narrow balls
+    except ZeroDivisionError:
+        return None
+    discs = []
+    for i in range(n):
+        radius = sum((upper(near[i][j]) for j in range(n) if j != i), arb(0)).upper()
+        if not radius.is_finite():
+            return None
+        discs.append(near[i][i] + acb(arb(0, radius), arb(0, radius)))
+    if any(one.overlaps(other) for k, one in enumerate(discs) for other in discs[:k]):
+        return None
+    vectors = []
+    for j, tau in enumerate(discs):
+        others = [i for i in range(n) if i != j]
+        try:
+            rest = solved([[near[i][m] - (tau if i == m else 0) for m in others] for i in others], [-near[i][j] for i in others]) if others else []
+        except Unproved:
+            return None
+        vectors.append([*rest[:j], acb(1), *rest[j:]])
+    return change, discs, vectors
+
+
 def separated(pencil: Pencil, scaling: Scaling, size: arb, angle: arb) -> bool:
     """Tell whether no eigenvalue lies at 1/kappa = t exp(-i angle), t in `size`: growing and decaying exponents separate and D has no zero."""
     assert pencil.length is not None
@@ -236,10 +295,10 @@ def separated(pencil: Pencil, scaling: Scaling, size: arb, angle: arb) -> bool:
     matrix = acb_mat(table)
     if not all(entry.is_finite() for line in table for entry in line):
         return False
-    try:
-        exponents = matrix.charpoly().roots()
-    except ValueError:
+    parts = diagonalised(matrix)
+    if parts is None:
         return False
+    change, exponents, vectors = parts
     direction = angle * int(q * scaling.root)
     turned = [(tau * acb(direction.cos(), direction.sin())).real for tau in exponents]
     if any(one.contains(0) for one in turned):
@@ -247,23 +306,23 @@ def separated(pencil: Pencil, scaling: Scaling, size: arb, angle: arb) -> bool:
     growing = [one > 0 for one in turned]
     if sum(growing) != len(pencil.right):
         raise Unproved("the exponents that grow at large growth rates are not as many as the boundary rows at the right end")
-    columns = []
-    for tau, grows, one in zip(exponents, growing, turned, strict=True):
-        try:
-            vector = kernel([[table[i][j] - (tau if i == j else 0) for j in range(n)] for i in range(n)])
-        except Unproved:
-            return False
+    rows = []
+    for row in (*pencil.left, *pencil.right):
+        top = max(entry.order + d[j] for j, entry in enumerate(row) if entry.order is not None)
+        rows.append([scaled_entry(entry, d[j] - top, scaling, mu) for j, entry in enumerate(row)])
+    values = (acb_mat(rows) * change * acb_mat([list(line) for line in zip(*vectors, strict=True)])).tolist()
+    for j, (grows, one) in enumerate(zip(growing, turned, strict=True)):
         # |exp(lambda^q tau L)|^-+1 <= exp(-|Re| |kappa|^(q M) L), |kappa| >= 1/upper(t)
         small = (-(abs(one).lower() * abs(pencil.length).lower() / size.upper() ** int(q * scaling.root))).exp().upper()
         faint = acb(arb(0, small), arb(0, small))
-        column = []
-        for rows, dim in ((pencil.left, grows), (pencil.right, not grows)):
-            for row in rows:
-                top = max(entry.order + d[j] for j, entry in enumerate(row) if entry.order is not None)
-                value = sum((scaled_entry(entry, d[j] - top, scaling, mu) * vector[j] for j, entry in enumerate(row)), acb(0))
-                column.append(value * faint if dim else value)
-        columns.append(column)
-    determinant = acb_mat(columns).det()
+        for i in range(n):
+            if grows == (i < len(pencil.left)):
+                values[i][j] = values[i][j] * faint
+    matrix = acb_mat(values)
+    try:
+        determinant = (matrix.mid().inv().mid() * matrix).det()
+    except ZeroDivisionError:
+        return False
     return bool(determinant.is_finite() and not determinant.contains(0))
 
 
@@ -302,8 +361,9 @@ class Winding:
     def __init__(self, pencil: Pencil) -> None:
         self.pencil = pencil
         self.segments = 0
+        self.flows: dict[tuple[complex, int], acb_mat] = {}
 
-    def along(self, start: acb, end: acb, depth: int = 0) -> arb:
+    def along(self, start: complex, end: complex, depth: int = 0) -> arb:
         """Return the change of arg D from start to end, halving the segment until D stays within a half plane."""
         turn = self.short(start, end)
         if turn is not None:
@@ -311,44 +371,51 @@ class Winding:
             if self.segments > MOST_SEGMENTS:
                 raise Unproved(f"the winding number needs more than {MOST_SEGMENTS} segments")
             return turn
-        if depth > 40:
+        middle = (start + end) / 2
+        if depth > 40 or middle in (start, end):
             raise Unproved("an eigenvalue lies on the contour, or nearly")
-        middle = ((start + end) / 2).mid()
         return self.along(start, middle, depth + 1) + self.along(middle, end, depth + 1)
 
-    def short(self, start: acb, end: acb) -> arb | None:
-        """Return the change of arg D on a segment on which D / D(middle) is proved to have a positive real part."""
-        middle = ((start + end) / 2).mid()
-        panels = self.pencil.panels(middle)
-        whole = acb(arb(middle.real, abs(end.real - start.real) / 2), arb(middle.imag, abs(end.imag - start.imag) / 2))
-        about = self.pencil.rows(middle, panels).mid()
-        try:
-            inverse = about.solve(identity(about.nrows()), algorithm="approx").mid()
-        except ZeroDivisionError:
+    def flow(self, z: complex, panels: int) -> acb_mat | None:
+        """Return exp(P L / panels) at a point, remembered: segments share their ends."""
+        if self.pencil.length is None:
             return None
-        share = (inverse * self.pencil.rows(whole, panels)).det()
+        if (z, panels) not in self.flows:
+            self.flows[z, panels] = self.pencil.flow(ball(z), panels)
+        return self.flows[z, panels]
+
+    def short(self, start: complex, end: complex) -> arb | None:
+        """Return the change of arg D on a segment, parallel to an axis, on which D / D(middle) is proved to have a positive real part."""
+        middle = (start + end) / 2
+        panels = self.pencil.panels(ball(middle))
+        whole = acb(arb(start.real).union(arb(end.real)), arb(start.imag).union(arb(end.imag)))
+        try:
+            about, changes = self.pencil.march(ball(middle), panels, None, self.flow(middle, panels))
+            inverse = about.mid().inv().mid()
+        except (ZeroDivisionError, np.linalg.LinAlgError):
+            return None
+        share = (inverse * self.pencil.march(whole, panels, changes, None)[0]).det()
         if not (share.is_finite() and share.real > 0):
             return None
-        first, last = ((inverse * self.pencil.rows(z, panels)).det() for z in (start, end))
+        first, last = ((inverse * self.pencil.march(ball(z), panels, changes, self.flow(z, panels))[0]).det() for z in (start, end))
         turn = (last / first).arg()
         return turn if turn.is_finite() else None
 
 
-def identity(n: int) -> acb_mat:
-    """Return the unit matrix."""
-    return acb_mat([[1 if i == j else 0 for j in range(n)] for i in range(n)])
+def ball(z: complex) -> acb:
+    """Return a point exactly."""
+    return acb(z.real, z.imag)
 
 
-def zeros_right_of(pencil: Pencil, line: arb, reach: arb) -> tuple[int, int]:
+def zeros_right_of(pencil: Pencil, line: float, reach: float) -> tuple[int, int]:
     """Return the number of zeros of D in the rectangle [line, reach] x [-reach, reach], and the number of segments."""
     winding = Winding(pencil)
-    real = all(entry.top.coeffs() == [c.conjugate() for c in entry.top.coeffs()] for table in (pencil.matrix, pencil.left, pencil.right) for row in table for entry in row)
-    corners = [acb(reach, 0), acb(reach, reach), acb(line, reach), acb(line, 0)]
+    real = all(c.imag == 0 for table in (pencil.matrix, pencil.left, pencil.right) for row in table for entry in row for part in (entry.top, entry.bottom) for c in part.coeffs())
+    corners = [complex(reach, 0), complex(reach, reach), complex(line, reach), complex(line, 0)]
     if not real:
-        corners += [acb(line, -reach), acb(reach, -reach), acb(reach, 0)]
-    total = sum((winding.along(a.mid(), b.mid()) for a, b in zip(corners[:-1], corners[1:], strict=True)), arb(0))
-    turns = total / arb.pi() / (1 if real else 2)
-    count = turns.unique_fmpz()
+        corners += [complex(line, -reach), complex(reach, -reach), complex(reach, 0)]
+    total = sum((winding.along(a, b) for a, b in zip(corners[:-1], corners[1:], strict=True)), arb(0))
+    count = (total / arb.pi() / (1 if real else 2)).unique_fmpz()
     if count is None:
         raise Unproved("the winding number is not resolved")
     return int(count), winding.segments
@@ -411,7 +478,7 @@ def root_bound(polynomial: acb_poly) -> arb:
     return (1 + max((upper(c) / lead for c in coefficients[:-1]), key=lambda c: float(c.mid()), default=arb(0)) * arb("1.001")).upper()
 
 
-def check_divisors(pencil: Pencil, margin: arb) -> None:
+def check_divisors(pencil: Pencil, margin: float) -> None:
     """Refuse divisors that vanish in Re >= -margin: eigenvalues there may be lost."""
     for divisor in pencil.divisors:
         for polynomial in (divisor.top, divisor.bottom):
@@ -420,7 +487,7 @@ def check_divisors(pencil: Pencil, margin: arb) -> None:
                     roots = polynomial.roots()
                 except ValueError:
                     raise Unproved("the elimination divided by an expression in the growth rate whose zeros are not separated") from None
-                if not all(root.real < -margin for root in roots):
+                if not all(root.real < arb(-margin) for root in roots):
                     raise Unproved("the elimination divided by an expression in the growth rate that may vanish in the right half plane")
 
 
@@ -460,20 +527,20 @@ def counted(module: Module, control: arb, frequency: arb, neighbour: float | Non
         scale = min(scale, abs(neighbour)) if hopf else abs(neighbour)
     reason: Unproved | None = None
     for share in (2, 16, 256):
-        margin = arb(scale) / share
+        margin = float(f"{scale / share:.3g}")  # what is printed is what is proved
         try:
-            return proof(pencils, module, margin, 4 * max(scale, float(abs(frequency).mid())))
+            return proof(pencils, module, margin, 2 * max(scale, float(abs(frequency).mid())))
         except Unproved as problem:
             reason = problem
     assert reason is not None
     raise reason
 
 
-def proof(pencils: dict[int, Pencil], module: Module, margin: arb, start: float) -> FirstInstability:
+def proof(pencils: dict[int, Pencil], module: Module, margin: float, start: float) -> FirstInstability:
     """Return the proof for one margin."""
     critical_weight = 1 if module.MULTIPLICITY == 2 else 0
     critical = 2 if module.KIND == "hopf" else 1
-    reach_of_all, segments = arb(0), 0
+    reach_of_all, segments = 0.0, 0
     for weight, pencil in pencils.items():
         check_divisors(pencil, margin)
         reach = reach_beyond(pencil, start, margin)
@@ -483,25 +550,25 @@ def proof(pencils: dict[int, Pencil], module: Module, margin: arb, start: float)
         else:
             found, more = zeros_right_of(pencil, -margin, reach)
         segments += more
-        reach_of_all = reach_of_all.max(reach)
+        reach_of_all = max(reach_of_all, reach)
         if found > expected:
             for line in (margin, margin / 16):
                 unstable = zeros_right_of(pencil, line, reach)[0]
                 if unstable:
-                    raise EvaluationError(f"threshold: proved that {unstable} other eigenvalue{'s have' if unstable > 1 else ' has'} a real part above {line.str(3, radius=False)} there: "
+                    raise EvaluationError(f"threshold: proved that {unstable} other eigenvalue{'s have' if unstable > 1 else ' has'} a real part above {line:.3g} there: "
                                           "stability is lost before; lower the lower end of control_range")
         if found != expected:
-            raise Unproved(f"{found} eigenvalues with a real part above -{margin.str(3, radius=False)} are found where {expected} are critical")
-    return FirstInstability(proved=True, margin=margin.mid().str(6, radius=False), reach=reach_of_all.mid().str(6, radius=False), segments=segments)
+            raise Unproved(f"{found} eigenvalues with a real part above -{margin:.3g} are found where {expected} are critical")
+    return FirstInstability(proved=True, margin=f"{margin:.6g}", reach=f"{reach_of_all:.6g}", segments=segments)
 
 
-def reach_beyond(pencil: Pencil, start: float, margin: arb) -> arb:
+def reach_beyond(pencil: Pencil, start: float, margin: float) -> float:
     """Return a distance beyond which there is no eigenvalue."""
     if pencil.polynomial:
-        return root_bound(pencil.matrix[0][0].top).max(2 * margin).mid()
-    reach = arb(start).max(4 * margin).mid()
-    for _ in range(16):
-        if free_beyond(pencil, reach, margin):
+        return float(f"{max(float(root_bound(pencil.matrix[0][0].top)) * 1.01, 2 * margin):.4g}")
+    reach = float(f"{max(start, 4 * margin):.3g}")
+    for _ in range(24):
+        if free_beyond(pencil, arb(reach), arb(margin)):
             return reach
-        reach = 3 * reach
+        reach = 2 * reach
     raise Unproved("large eigenvalues are not excluded: growing and decaying exponents do not separate in the right half plane")

@@ -16,6 +16,7 @@ from typing import Any
 from flint import acb, arb
 
 from numerics.algebra import Algebra, Constants
+from numerics.certified_count import FirstInstability
 from numerics.closed import Closed
 from numerics.precision import EvaluationError, NotClosed, bits_of, working_precision
 from numerics.sampled import Chebyshev, Gauss, Samples
@@ -90,6 +91,7 @@ class Result:
     coefficients: tuple[Coefficient, ...]
     seconds: Mapping[str, float]
     warnings: tuple[str, ...] = ()
+    first_instability: FirstInstability | None = None
 
     def __getitem__(self, name: str) -> Coefficient:
         for one in self.coefficients:
@@ -103,12 +105,14 @@ class Result:
             "problem": self.problem, "digits": self.digits, "route": self.route, "certified": self.certified,
             "threshold": self.threshold.as_dict(), "coefficients": [one.as_dict() for one in self.coefficients],
             "seconds": dict(self.seconds),
+            **({"first_instability": self.first_instability.as_dict()} if self.first_instability is not None else {}),
         }
 
     def __repr__(self) -> str:
         lines = [f"{self.problem}: {self.threshold.kind} at control {self.threshold.control}"
                  + (f", frequency {self.threshold.frequency}" if self.threshold.frequency else "")]
         lines += [f"  {one.name} = {one.value!r}  (error {one.error})" for one in self.coefficients]
+        lines += [f"  first instability {self.first_instability}"] if self.first_instability is not None else []
         return "\n".join(lines)
 
     def _repr_latex_(self) -> str:
@@ -246,7 +250,7 @@ def start_resolution(digits: int) -> Resolution:
     return Resolution(nodes=14 + digits // 4, panels=3 + digits // 10) if digits <= 100 else Resolution(nodes=24 + digits // 7, panels=8 + digits // 16)
 
 
-def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: str = "auto", certify: bool = False) -> Result:
+def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: str = "auto", certify: bool = False, count: bool = True) -> Result:
     """Return threshold and coefficients, each right to `digits` significant digits of its modulus.
 
     Parameters
@@ -257,6 +261,10 @@ def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: s
         Significant digits of the modulus.
     route
         `closed`, `chebyshev`, `quadrature`, or `auto`: closed where it exists, else chebyshev.
+    certify
+        Prove the errors: every number is an enclosure. With `chebyshev` by power series on panels with bounded remainders.
+    count
+        With `certify`, count the unstable eigenvalues at the threshold too (`first_instability` of the result).
 
     Raises
     ------
@@ -271,7 +279,7 @@ def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: s
     if certify:
         from numerics.certified import evaluate_certified
 
-        return evaluate_certified(module, digits, route)
+        return evaluate_certified(module, digits, route, count)
     if route != "auto":
         return evaluate_route(module, digits, route)
     try:
