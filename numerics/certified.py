@@ -19,6 +19,7 @@ import flint
 from flint import acb, arb
 
 from numerics.algebra import Algebra
+from numerics.certified_closed import CertifiedClosed
 from numerics.certified_count import first_instability
 from numerics.certified_linear import CertifiedConstants, Unproved, upper
 from numerics.certified_root import ProvedRoot, approach, prove_root, slopes_at
@@ -66,6 +67,8 @@ def algebra_of(module: Module, plan: Plan, control: acb, frequency: acb) -> Alge
     if not module.SPATIAL:
         return CertifiedConstants(**common)
     ends = tuple(acb(end) for end in module.interval(probe))
+    if plan.route == "closed":
+        return CertifiedClosed(ends=ends, **common)
     return PowerSeries(ends=ends, breaks=plan.breaks, terms=terms_of(flint.ctx.prec), real=module.KIND == "steady", **common)  # type: ignore[arg-type]
 
 
@@ -79,7 +82,7 @@ def evaluate_certified(module: Module, digits: int, route: str, count: bool) -> 
     """
     if route == "quadrature":
         raise EvaluationError("--certify: found the route quadrature, which has no proof of its error; expected auto, closed or chebyshev (power series with bounded remainders)")
-    plan = Plan(route="series" if module.SPATIAL else "closed")
+    plan = Plan(route="series" if module.SPATIAL and route == "chebyshev" else "closed")
     bits = bits_of(digits) + GUARD
     seconds = [0.0, 0.0]
     reason = ""
@@ -88,6 +91,11 @@ def evaluate_certified(module: Module, digits: int, route: str, count: bool) -> 
             answer, missing = attempt(module, plan, digits, bits, seconds, count)
         except TooCoarse as coarse:
             plan = plan.halved(coarse.panels)
+            continue
+        except NotClosed as problem:
+            if route == "closed":
+                raise EvaluationError(f"--certify: found no closed form: {problem}; use --route auto") from problem
+            plan = Plan(route="series")
             continue
         except Undecided as problem:
             reason = str(problem)

@@ -83,11 +83,11 @@ def kernel(rows: Rows) -> list[acb]:
     return [*vector[:column], acb(1), *vector[column:]]
 
 
-def solved_singular(rows: Rows, right: Sequence[acb], extra: Sequence[acb]) -> list[acb]:
-    """Return y with rows y = right and extra y = 0, for a matrix singular at the true threshold and a right side in its range."""
+def solved_singular(rows: Rows, right: Sequence[acb], extra: Sequence[acb], size: acb) -> list[acb]:
+    """Return y with rows y = right and extra y = size, for a matrix singular at the true threshold and a right side in its range."""
     row, _ = pivots(rows)
     kept = [[*line] for index, line in enumerate(rows) if index != row]
-    return solved([*kept, list(extra)], [*(value for index, value in enumerate(right) if index != row), acb(0)])
+    return solved([*kept, list(extra)], [*(value for index, value in enumerate(right) if index != row), size])
 
 
 ELEMENTARY = ("exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh", "sqrt", "asin", "acos", "atan", "asinh", "acosh", "atanh", "erf")
@@ -179,7 +179,7 @@ class CertifiedConstants(Enclosing, Constants):
 
     def solve_singular(self, operator: Operator, forcing: Row, row: Row) -> tuple[acb, ...]:
         """Return y with M y = forcing and row y = 0."""
-        return tuple(solved_singular(self.rows(operator), [number(entry) for entry in forcing], [number(entry) for entry in row]))
+        return tuple(solved_singular(self.rows(operator), [number(entry) for entry in forcing], [number(entry) for entry in row], acb(0)))
 
 
 def upper(value: acb | arb) -> arb:

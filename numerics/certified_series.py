@@ -458,7 +458,7 @@ class PowerSeries(Enclosing):
         pick = [acb(0)] * n
         states = kernel(rows)
         pick[max(range(n), key=lambda j: abs(states[j].mid()))] = acb(1)
-        functions = self.assembled(operator, solved_singular(rows, data, pick), particular)
+        functions = self.assembled(operator, solved_singular(rows, data, pick, acb(0)), particular)
         share = self.row_at(row, functions, place) / self.row_at(row, mode, place)
         return tuple(f - one * share for f, one in zip(functions, mode, strict=True))
 
