@@ -98,9 +98,8 @@ class CertifiedClosed(Enclosing, Closed):
             return known[1], known[2]
         matrix = self.constant_matrix(operator)
         n = len(matrix)
-        critical = self.store.get("critical") if adjoint else None
-        if critical is not None:  # the emitted adjoint is -P^T
-            exponents = [(-value, multiplicity, -key) for value, multiplicity, key in self.flow(critical)[1]]
+        if adjoint:  # the emitted adjoint is -P^T
+            exponents = [(-value, multiplicity, -key) for value, multiplicity, key in self.flow(self.store["critical"])[1]]
         else:
             exponents = self.exponents_of(matrix)
         columns: list[list[ExponentialSum]] = []
