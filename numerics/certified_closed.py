@@ -227,13 +227,23 @@ class CertifiedClosed(Enclosing, Closed):
 
 
 def determinant(rows: list[list[acb]]) -> acb:
-    """Return the determinant of a matrix that may be nearly singular, without cancellation beyond that."""
+    """Return the determinant of a matrix that may be nearly singular: expansion where it is small, else over a regular minor."""
     n = len(rows)
-    if n == 1:
-        return rows[0][0]
-    row, column = pivots(rows)
-    minor = acb_mat([[entry for k, entry in enumerate(line) if k != column] for index, line in enumerate(rows) if index != row])
-    return schur(rows, (row, column)) * minor.det() * (-1) ** (row + column)
+    if n > 6:
+        row, column = pivots(rows)
+        minor = acb_mat([[entry for k, entry in enumerate(line) if k != column] for index, line in enumerate(rows) if index != row])
+        return schur(rows, (row, column)) * minor.det() * (-1) ** (row + column)
+    known: dict[int, acb] = {0: acb(1)}
+    for i, row_values in enumerate(rows):  # minors of the first rows, by sets of columns
+        following: dict[int, acb] = {}
+        for mask, minor_value in known.items():
+            for j, entry in enumerate(row_values):
+                if not mask >> j & 1 and not entry.is_zero():
+                    term = entry * minor_value
+                    term = -term if (i - (mask & ((1 << j) - 1)).bit_count()) % 2 else term
+                    following[mask | 1 << j] = following[mask | 1 << j] + term if mask | 1 << j in following else term
+        known = following
+    return known.get((1 << n) - 1, acb(0))
 
 
 def bipartite(matrix: list[list[acb]]) -> bool:

@@ -10,12 +10,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
+import flint
 from flint import acb, acb_mat, arb
 
 from numerics.algebra import Algebra, Constants, Operator, Row, number, scaled_to
-from numerics.precision import EvaluationError
+from numerics.precision import EvaluationError, working_precision
 
 Rows = Sequence[Sequence[acb]]
+
+
+CHOICE = 128
+"""Bits with which rows and columns are chosen."""
 
 
 class Unproved(EvaluationError):
@@ -41,6 +46,9 @@ def pivots(rows: Rows) -> tuple[int, int]:
     if n == 1:
         return 0, 0
     # Bordered by (any) vectors the matrix is regular; only the choice, not its proof, depends on them.
+    if flint.ctx.prec > CHOICE:
+        with working_precision(CHOICE):
+            return pivots(rows)
     border = [acb((7 * k) % 11 + 1, (5 * k) % 7) for k in range(n)]
     result = []
     for table in ([[rows[j][i] for j in range(n)] for i in range(n)], [list(row) for row in rows]):

@@ -87,7 +87,10 @@ def slopes_at(determinant: Determinant, control: arb, frequency: arb | None, sca
 
 def approach(determinant: Determinant, control: arb, frequency: arb | None, scale: arb, bits: int) -> tuple[arb, arb | None]:
     """Return a root to nearly `bits` bits, without a proof: Newton's method from a double, the precision doubled on the way."""
-    start, level = control, min(128, bits)
+    levels = [bits]
+    while levels[-1] > 160:
+        levels.append(levels[-1] // 2 + 16)
+    start, level = control, levels.pop()
     inverse: list[list[arb]] = []
     before = arb(1)
     for _ in range(60):
@@ -106,7 +109,7 @@ def approach(determinant: Determinant, control: arb, frequency: arb | None, scal
                 raise Unproved("Newton's method leaves the neighbourhood of the derivation's threshold")
             if level < bits:
                 if size < arb(2) ** (24 - level // 2):
-                    level = min(2 * level - 32, bits)
+                    level = levels.pop()
             elif size < arb(2) ** (24 - level) or before < arb(2) ** (-level // 3) and size > before / 4:
                 return control, frequency
             before = size
