@@ -347,7 +347,9 @@ def emit(derivation: Derivation) -> str:
         lines += ["", "", "@stage", "def adjoint_mode(a):", f'    """The adjoint mode: {", ".join(symbol.name for symbol in reduction.solvability.zeta)}."""', "    return a.kernel(adjoint(a))"]
     else:
         lines += ["", "", "@stage", "def adjoint_mode(a):", f'    """The left null vector: {", ".join(symbol.name for symbol in reduction.solvability.zeta)}."""', "    return a.left_kernel(critical(a))"]
-    pencils = {weight: operator for weight, operator in derivation.operators.items() if weight >= 0 and is_constant(operator, derivation)}
+    pencils = {weight: operator for weight, operator in derivation.operators.items() if weight >= 0}
+    if not all(is_constant(operator, derivation) for operator in pencils.values()):
+        pencils = {}  # a count of some of the eigenvalues would prove nothing
     lines[lines.index("WEAK = ()" if not weak_names else "WEAK = ("):0] = [
         "PENCILS = (" + "".join(f'({weight}, "pencil_{weight}"), ' for weight in sorted(pencils)).rstrip(" ") + ")"]
     for weight, operator in sorted(pencils.items()):

@@ -320,6 +320,8 @@ def isolated_roots(coefficients: list[acb]) -> list[acb]:
         discs.append(z + acb(arb(0, radius), arb(0, radius)))
     if any(one.overlaps(other) for k, one in enumerate(discs) for other in discs[:k]):
         raise NotClosed("two characteristic exponents are not told apart")
+    if all(c.imag.is_zero() for c in coefficients):  # a disc that meets none but its own mirror image holds a real root
+        return [acb(one.real) if sum(one.conjugate().overlaps(other) for other in discs) == 1 and one.imag.contains(0) else one for one in discs]
     return discs
 
 

@@ -177,7 +177,9 @@ class Pencil:
     def start(self, z: acb) -> acb_mat:
         """Return a basis of the null space of the left rows, which are in echelon form."""
         n = len(self.matrix)
-        pivots = [next(j for j in range(n) if is_one(row[j]) and all(other is row or other[j].order is None for other in self.left)) for row in self.left]
+        pivots = [next((j for j in range(n) if is_one(row[j]) and all(other is row or other[j].order is None for other in self.left)), -1) for row in self.left]
+        if -1 in pivots:
+            raise Unproved("the boundary rows are not in echelon form")
         free = [j for j in range(n) if j not in pivots]
         table: list[list[Any]] = [[0] * len(free) for _ in range(n)]
         for column, j in enumerate(free):
@@ -442,6 +444,8 @@ def reduced(pencil: Pencil) -> Pencil:
     """Return the pencil, with D as a 1 x 1 polynomial where it is one: no space, or exp(PL) polynomial in lambda."""
     if pencil.length is None:
         determinant = polynomial_of(pencil.matrix)
+    elif not pencil.right:
+        determinant = acb_poly([1])  # all rows at the left end: no eigenvalue
     else:
         flow = polynomial_flow(pencil)
         if flow is None:

@@ -214,9 +214,14 @@ class PowerSeries(Enclosing):
     def expanded_on(self, at: Callable[[Any], Any], k: int) -> acb_poly | None:
         """Return the series on one panel, or None where singularities are too near for the tail to be negligible."""
         centre, half = self.centres[k], self.halves[k]
-        value = at(acb_series([centre, half], self.terms))
+        try:
+            value = at(acb_series([centre, half], self.terms))
+        except (ValueError, ZeroDivisionError):  # singular at the centre
+            return None
         if not isinstance(value, acb_series):
             return acb_poly([number(value)])
+        if value.prec < self.terms:
+            return None
         tail: arb | None = None
         size = arb(1)
         rho = arb(2)
