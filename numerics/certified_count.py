@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from numerics.coefficients import Module
 
 BITS = 80
-MOST_SEGMENTS = 6000
+MOST_SEGMENTS = 2500
 MOST_PIECES = 1500
 
 
@@ -58,6 +58,10 @@ class FirstInstability:
         if not self.proved:
             return {"proved": False, "reason": self.reason}
         return {"proved": True, "others": 0, "margin": self.margin, "reach": self.reach, "segments": self.segments}
+
+
+class TooLong(Unproved):
+    """The count is given up: it would take too long."""
 
 
 class Ratio:
@@ -371,7 +375,7 @@ class Winding:
         if turn is not None:
             self.segments += 1
             if self.segments > MOST_SEGMENTS:
-                raise Unproved(f"the winding number needs more than {MOST_SEGMENTS} segments")
+                raise TooLong(f"the winding number needs more than {MOST_SEGMENTS} segments")
             return turn
         middle = (start + end) / 2
         if depth > 40 or middle in (start, end):
@@ -534,6 +538,8 @@ def counted(module: Module, control: arb, frequency: arb, neighbour: float | Non
         margin = float(f"{scale / share:.3g}")  # what is printed is what is proved
         try:
             return proof(pencils, module, margin, 2 * max(scale, float(abs(frequency).mid())))
+        except TooLong:
+            raise
         except Unproved as problem:
             reason = problem
     assert reason is not None
