@@ -193,6 +193,8 @@ def coefficients(target: str, digits: int, route: str, certify: bool, as_json: b
     for one in result.coefficients:
         title = one.monomial if one.name == one.monomial else f"{one.name}  ({one.monomial})"
         click.echo(f"  {title} = {one.value!r}   error {one.error}")
+    if result.first_instability is not None:
+        click.echo(f"  first instability {result.first_instability}")
 
 
 @main.command()

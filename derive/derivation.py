@@ -24,7 +24,7 @@ from derive.expansion import Expansion, expand_about_base
 from derive.onset import Onset, find_onset
 from derive.operator import LAMBDA
 from derive.problem import Problem
-from derive.response import reduced
+from derive.response import Operator, reduced
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,6 +33,7 @@ class Derivation:
 
     problem: Problem
     expansion: Expansion
+    operators: Mapping[int, Operator]  # the linear problem of each weight, for any growth rate
     onset: Onset
     reduction: Reduction
 
@@ -105,4 +106,4 @@ def derive_amplitude_equation(problem: Problem) -> Derivation:
     operators = {weight: reduced(expansion, weight, LAMBDA) for weight in expansion.weights}
     onset = find_onset(operators, problem.formulation)
     reduction = reduce_to_amplitude(expansion, onset, operators)
-    return Derivation(problem=problem, expansion=expansion, onset=onset, reduction=reduction)
+    return Derivation(problem=problem, expansion=expansion, operators=operators, onset=onset, reduction=reduction)

@@ -17,6 +17,7 @@ from derive.amplitude import weak_identifier
 from derive.operator import OMEGA, FirstOrderOperator
 from derive.problem import ProblemError
 from derive.response import Operator, Response
+from derive.symmetry import amplitude_is_odd
 
 if TYPE_CHECKING:
     from derive.amplitude import Coefficient
@@ -249,6 +250,23 @@ def operator_lines(name: str, operator: Operator | Adjoint, printer: Printer, co
     return [*lines, "    )"]
 
 
+def is_constant(operator: Operator, derivation: Derivation) -> bool:
+    """Tell whether the linear problem does not depend on s."""
+    return not any(derivation.expansion.formulation.space in entry.free_symbols for row in operator.matrix for entry in row)
+
+
+def pencil_lines(weight: int, operator: Operator, printer: Printer) -> list[str]:
+    """Return the functions that give the linear problem of a weight at any growth rate, and what its elimination divided by."""
+    name = f"pencil_{weight}"
+    divisors: Sequence[Expr] = operator.divisors if isinstance(operator, FirstOrderOperator) else ()
+    lines = operator_lines(name, operator, printer, f"The linear problem of weight {weight} at the growth rate lam.")
+    lines[lines.index("@stage"):lines.index(f"def {name}(a):") + 1] = [f"def {name}(a, lam):"]
+    lines += ["", "", f"def divisors_{weight}(a, lam):", f'    """What was divided by: eigenvalues where one of these vanishes may be missing from `{name}`."""']
+    lines += [f"    {line}" for line in printer.bindings(divisors)]
+    entries = [printer.text(entry) for entry in divisors]
+    return [*lines, f"    return ({', '.join(entries)}{',' if len(entries) == 1 else ''})"]
+
+
 def read(side: str, expression: Expr, printer: Printer, derivation: Derivation) -> str:
     """Return an expression read at an end; a number stands for itself."""
     if derivation.reduction.functions.is_function(expression):
@@ -294,11 +312,14 @@ def emit(derivation: Derivation) -> str:
         f"NAME = {quoted(derivation.problem.name)}", f'KIND = "{onset.kind}"', f"MULTIPLICITY = {2 if reduction.vector else 1}",
         f"SPATIAL = {spatial}", f'CONTROL = "{formulation.control.name}"',
         f'CONTROL_RANGE = ("{float(formulation.control_range[0])!r}", "{float(formulation.control_range[1])!r}")',
-        f'ONSET = ("{onset.control:.8g}", {frequency})', "COEFFICIENTS = (",
+        f'ONSET = ("{onset.control:.8g}", {frequency})',
+        f'NEIGHBOUR = "{max((value.real for value in onset.other_eigenvalues), default=0.0):.1e}"  # the growth rate of the next mode there, roughly', "COEFFICIENTS = (",
     ]
     lines += [f'    ({quoted(name)}, "{monomial}", "{identifier}"),' for name, monomial, identifier in names]
     lines += [")"]
     lines += [f'QUADRATIC = ({quoted(reduction.quadratic.name)}, "A**2", "coefficient_A2")' if reduction.quadratic is not None else "QUADRATIC = None"]
+    if reduction.quadratic is not None:
+        lines += [f"ODD = {amplitude_is_odd(derivation.expansion)}  # a symmetry of the equations changes the sign of A"]
     lines += ["MIRROR = ("] + [f'    ("{identifier}", "mirror_{identifier.removeprefix("coefficient_")}"),' for identifier, _ in reduction.mirror] + [")"]
     weak_names = {(weak.row, weak.column): weak_identifier(weak) for weak in reduction.weak}
     weak_titles = derivation.problem.coefficient_names
@@ -332,6 +353,13 @@ def emit(derivation: Derivation) -> str:
         lines += ["", "", "@stage", "def adjoint_mode(a):", f'    """The adjoint mode: {", ".join(symbol.name for symbol in reduction.solvability.zeta)}."""', "    return a.kernel(adjoint(a))"]
     else:
         lines += ["", "", "@stage", "def adjoint_mode(a):", f'    """The left null vector: {", ".join(symbol.name for symbol in reduction.solvability.zeta)}."""', "    return a.left_kernel(critical(a))"]
+    pencils = {weight: operator for weight, operator in derivation.operators.items() if weight >= 0}
+    if not all(is_constant(operator, derivation) for operator in pencils.values()):
+        pencils = {}  # a count of some of the eigenvalues would prove nothing
+    lines[lines.index("WEAK = ()" if not weak_names else "WEAK = ("):0] = [
+        "PENCILS = (" + "".join(f'({weight}, "pencil_{weight}"), ' for weight in sorted(pencils)).rstrip(" ") + ")"]
+    for weight, operator in sorted(pencils.items()):
+        lines += pencil_lines(weight, operator, printer)
     for name, operator in reduction.operators.items():
         if name != "critical":
             lines += operator_lines(name, operator, printer, f"The linear problem of harmonic {name.removeprefix('operator_')}.")

@@ -65,8 +65,8 @@ class Pencil:
         self.width = [len(row) for row in table]
         values = {symbol: value for symbol, value in formulation.parameters.items()}
         arguments = (formulation.space, formulation.control)
-        poles = operator.poles if isinstance(operator, FirstOrderOperator) else ()
-        self.poles = [compiled(arguments, [entry.subs(values) for entry in in_lambda(pole)]) for pole in poles]
+        divisors = operator.divisors if isinstance(operator, FirstOrderOperator) else ()
+        self.poles = [compiled(arguments, [entry.subs(values) for entry in in_lambda(pole)]) for pole in divisors]
         self.constant = not any(isinstance(entry, Expr) and formulation.control in entry.free_symbols for entry in flat)
         exacts = [entry.subs(values) if isinstance(entry, Expr) else entry for entry in flat]
         self.entries: Callable[..., Sequence[Any]] = compiled(arguments, exacts)

@@ -51,8 +51,8 @@ class FirstOrderOperator:
         Combinations of the forcing that must vanish, from redundant rows.
     names
         What each entry of y is: (unknown, order of derivative).
-    poles
-        Polynomials in lambda that the elimination divided by: where one vanishes a point of the interval grows by itself.
+    divisors
+        Polynomials in lambda that were divided by: where one vanishes, an eigenvalue may be lost, and a point of the interval grows by itself.
     """
 
     matrix: tuple[tuple[Expr, ...], ...]
@@ -63,7 +63,7 @@ class FirstOrderOperator:
     spare: tuple[Forcing, ...]
     names: tuple[tuple[int, int], ...]
     scalar: bool
-    poles: tuple[Expr, ...] = ()
+    divisors: tuple[Expr, ...] = ()
 
     @property
     def size(self) -> int:
@@ -77,12 +77,14 @@ class Elimination:
     def __init__(self, formulation: Formulation) -> None:
         self.formulation = formulation
         self.space = formulation.space
-        self.poles: list[Expr] = []
+        self.divisors: list[Expr] = []
 
-    def divided(self, pivot: Expr) -> None:
-        """Note a pivot that holds lambda."""
-        if LAMBDA in pivot.free_symbols:
-            self.poles.append(fraction(together(pivot))[0])
+    def inverse(self, pivot: Expr) -> Expr:
+        """Return 1/pivot, and remember a pivot that vanishes for some lambda."""
+        numerator = fraction(together(pivot))[0] if LAMBDA in pivot.free_symbols else pivot
+        if LAMBDA in numerator.free_symbols and numerator not in self.divisors:
+            self.divisors.append(numerator)
+        return 1 / pivot
 
     def tidy(self, expression: Expr) -> Expr:
         """Return a normal form: expanded, over one denominator where there is one; exact zeros become 0."""
@@ -206,8 +208,7 @@ def reduce_operator(expansion: Expansion, weight: int, growth: Expr, block: froz
         )
         chosen_row = algebraic[best]
         head = chosen_row.value[pivot]
-        work.divided(head)
-        value = work.scaled({k: c for k, c in chosen_row.value.items() if k != pivot}, -1 / head)
+        value = work.scaled({k: c for k, c in chosen_row.value.items() if k != pivot}, -work.inverse(head))
         forcing = work.scaled(chosen_row.forcing, 1 / head)
         others = rows + algebraic[:best] + algebraic[best + 1:]
         for other in others:
@@ -230,7 +231,6 @@ def reduce_operator(expansion: Expansion, weight: int, growth: Expr, block: froz
         free = sorted({formulation.unknowns[variables[k][0]].latex for k in remaining if k not in pivots})
         raise ProblemError(f"equations: found {len(rows)} independent equations for {len(remaining)} unknown functions; "
                            f"expected as many: nothing determines {', '.join(free)}")
-    poles = tuple(work.poles)
     check_redundant(spare, expansion)
     order = {k: place for place, k in enumerate(remaining)}
     matrix = [[Integer(0)] * len(remaining) for _ in remaining]
@@ -264,7 +264,7 @@ def reduce_operator(expansion: Expansion, weight: int, growth: Expr, block: froz
         raise ProblemError(count_message(formulation, found, n))
     return FirstOrderOperator(
         matrix=tuple(tuple(row) for row in operator.matrix), forcing=tuple(operator.forcing), recovery=operator.recovery,
-        left=sides[0], right=sides[1], spare=tuple(spare), names=operator.names, scalar=operator.scalar, poles=poles,
+        left=sides[0], right=sides[1], spare=tuple(spare), names=operator.names, scalar=operator.scalar, divisors=tuple(work.divisors),
     )
 
 
@@ -351,9 +351,8 @@ def echelon(rows: list[WorkingRow], work: Elimination) -> None:
         used.add(index)
         pivot = rows[index]
         head = pivot.slope[k]
-        work.divided(head)
         if head != 1:
-            pivot.slope = {key: Integer(1) if key == k else value for key, value in work.scaled(pivot.slope, 1 / head).items()}
+            pivot.slope = {key: Integer(1) if key == k else value for key, value in work.scaled(pivot.slope, work.inverse(head)).items()}
             pivot.value = work.scaled(pivot.value, 1 / head)
             pivot.forcing = work.scaled(pivot.forcing, 1 / head)
         for other_index, other in enumerate(rows):

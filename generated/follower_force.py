@@ -9,6 +9,7 @@ SPATIAL = True
 CONTROL = "F"
 CONTROL_RANGE = ("0.0", "60.0")
 ONSET = ("37.695431", "191.259")
+NEIGHBOUR = "-2.1e+03"  # the growth rate of the next mode there, roughly
 COEFFICIENTS = (
     ("alpha", "dot(A,A)*conj(A)", "coefficient_alpha"),
     ("beta", "dot(A,conj(A))*A", "coefficient_beta"),
@@ -17,6 +18,7 @@ COEFFICIENTS = (
 QUADRATIC = None
 MIRROR = (
 )
+PENCILS = ((0, "pencil_0"), (1, "pencil_1"),)
 WEAK = ()
 
 
@@ -93,6 +95,53 @@ def adjoint(a):
 def adjoint_mode(a):
     """The adjoint mode: zeta_3, zeta_2, zeta_1, zeta."""
     return a.kernel(adjoint(a))
+
+
+def pencil_0(a, lam):
+    """The linear problem of weight 0 at the growth rate lam."""
+    return Operator(
+        matrix=(
+            (0, 0),
+            (lam/2, 0),
+        ),
+        left=(
+            (1, 0),
+        ),
+        right=(
+            (0, 1),
+        ),
+    )
+
+
+def divisors_0(a, lam):
+    """What was divided by: eigenvalues where one of these vanishes may be missing from `pencil_0`."""
+    return ()
+
+
+def pencil_1(a, lam):
+    """The linear problem of weight 1 at the growth rate lam."""
+    F = a.control
+    return Operator(
+        matrix=(
+            (0, 1, 0, 0),
+            (0, 0, 1, 0),
+            (0, 0, 0, 1),
+            (-lam, 0, -F, 0),
+        ),
+        left=(
+            (1, 0, 0, 0),
+            (0, 1, 0, 0),
+        ),
+        right=(
+            (0, 0, 1, 0),
+            (0, 0, 0, 1),
+        ),
+    )
+
+
+def divisors_1(a, lam):
+    """What was divided by: eigenvalues where one of these vanishes may be missing from `pencil_1`."""
+    return ()
 
 
 @stage

@@ -9,6 +9,7 @@ SPATIAL = True
 CONTROL = "F"
 CONTROL_RANGE = ("0.0", "60.0")
 ONSET = ("37.695431", "191.259")
+NEIGHBOUR = "-2.1e+03"  # the growth rate of the next mode there, roughly
 COEFFICIENTS = (
     ("alpha_plus_beta", "A**2*conj(A)", "coefficient_alpha_plus_beta"),
     ("gamma", "mu*A", "coefficient_gamma"),
@@ -16,6 +17,7 @@ COEFFICIENTS = (
 QUADRATIC = None
 MIRROR = (
 )
+PENCILS = ((0, "pencil_0"),)
 WEAK = ()
 
 
@@ -92,6 +94,36 @@ def adjoint(a):
 def adjoint_mode(a):
     """The adjoint mode: zeta_3, zeta_2, zeta_1, zeta."""
     return a.kernel(adjoint(a))
+
+
+def pencil_0(a, lam):
+    """The linear problem of weight 0 at the growth rate lam."""
+    F = a.control
+    return Operator(
+        matrix=(
+            (0, 0, 1, 0, 0, 0),
+            (0, 0, 0, 0, 0, 0),
+            (0, 0, 0, 1, 0, 0),
+            (0, 0, -F, 0, -1, 0),
+            (lam, 0, 0, 0, 0, 0),
+            (0, lam/2, 0, 0, 0, 0),
+        ),
+        left=(
+            (1, 0, 0, 0, 0, 0),
+            (0, 1, 0, 0, 0, 0),
+            (0, 0, 1, 0, 0, 0),
+        ),
+        right=(
+            (0, 0, 0, 1, 0, 0),
+            (0, 0, F, 0, 1, 0),
+            (0, 0, 0, 0, 0, 1),
+        ),
+    )
+
+
+def divisors_0(a, lam):
+    """What was divided by: eigenvalues where one of these vanishes may be missing from `pencil_0`."""
+    return ()
 
 
 @stage

@@ -9,13 +9,16 @@ SPATIAL = True
 CONTROL = "W"
 CONTROL_RANGE = ("0.0", "20.0")
 ONSET = ("7.8373474", None)
+NEIGHBOUR = "-1.9e+01"  # the growth rate of the next mode there, roughly
 COEFFICIENTS = (
     ("A**3", "A**3", "coefficient_A3"),
     ("mu*A", "mu*A", "coefficient_mu_A"),
 )
 QUADRATIC = ("A**2", "A**2", "coefficient_A2")
+ODD = True  # a symmetry of the equations changes the sign of A
 MIRROR = (
 )
+PENCILS = ()
 WEAK = ()
 
 

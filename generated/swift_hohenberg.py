@@ -9,13 +9,16 @@ SPATIAL = True
 CONTROL = "r"
 CONTROL_RANGE = ("-1.0", "1.0")
 ONSET = ("0", None)
+NEIGHBOUR = "-9.0e+00"  # the growth rate of the next mode there, roughly
 COEFFICIENTS = (
     ("A**3", "A**3", "coefficient_A3"),
     ("mu*A", "mu*A", "coefficient_mu_A"),
 )
 QUADRATIC = ("A**2", "A**2", "coefficient_A2")
+ODD = True  # a symmetry of the equations changes the sign of A
 MIRROR = (
 )
+PENCILS = ((0, "pencil_0"),)
 WEAK = ()
 
 
@@ -90,6 +93,32 @@ def adjoint(a):
 def adjoint_mode(a):
     """The adjoint mode: zeta_3, zeta_2, zeta_1, zeta."""
     return a.kernel(adjoint(a))
+
+
+def pencil_0(a, lam):
+    """The linear problem of weight 0 at the growth rate lam."""
+    r = a.control
+    return Operator(
+        matrix=(
+            (0, 1, 0, 0),
+            (0, 0, 1, 0),
+            (0, 0, 0, 1),
+            (-lam + r - 1, 0, -2, 0),
+        ),
+        left=(
+            (1, 0, 0, 0),
+            (0, 0, 1, 0),
+        ),
+        right=(
+            (1, 0, 0, 0),
+            (0, 0, 1, 0),
+        ),
+    )
+
+
+def divisors_0(a, lam):
+    """What was divided by: eigenvalues where one of these vanishes may be missing from `pencil_0`."""
+    return ()
 
 
 @stage

@@ -9,6 +9,7 @@ SPATIAL = False
 CONTROL = "mu"
 CONTROL_RANGE = ("-1.0", "1.0")
 ONSET = ("0", "1")
+NEIGHBOUR = "0.0e+00"  # the growth rate of the next mode there, roughly
 COEFFICIENTS = (
     ("A**2*conj(A)", "A**2*conj(A)", "coefficient_A2_conj_A"),
     ("mu*A", "mu*A", "coefficient_mu_A"),
@@ -16,6 +17,7 @@ COEFFICIENTS = (
 QUADRATIC = None
 MIRROR = (
 )
+PENCILS = ((0, "pencil_0"),)
 WEAK = ()
 
 
@@ -53,6 +55,21 @@ def mode_bar(a):
 def adjoint_mode(a):
     """The left null vector: zeta."""
     return a.left_kernel(critical(a))
+
+
+def pencil_0(a, lam):
+    """The linear problem of weight 0 at the growth rate lam."""
+    mu = a.control
+    return Operator(
+        matrix=(
+            (lam**2 - lam*mu + 1,),
+        ),
+    )
+
+
+def divisors_0(a, lam):
+    """What was divided by: eigenvalues where one of these vanishes may be missing from `pencil_0`."""
+    return ()
 
 
 @stage

@@ -17,6 +17,7 @@ from typing import Any
 from flint import acb, arb
 
 from numerics.algebra import Algebra, Constants, midpoint
+from numerics.certified_count import FirstInstability
 from numerics.closed import Closed
 from numerics.precision import EvaluationError, NotClosed, bits_of, working_precision
 from numerics.sampled import Chebyshev, Gauss, Sampled, Samples
@@ -91,6 +92,7 @@ class Result:
     coefficients: tuple[Coefficient, ...]
     seconds: Mapping[str, float]
     warnings: tuple[str, ...] = ()
+    first_instability: FirstInstability | None = None
 
     def __getitem__(self, name: str) -> Coefficient:
         for one in self.coefficients:
@@ -104,12 +106,14 @@ class Result:
             "problem": self.problem, "digits": self.digits, "route": self.route, "certified": self.certified,
             "threshold": self.threshold.as_dict(), "coefficients": [one.as_dict() for one in self.coefficients],
             "seconds": dict(self.seconds),
+            **({"first_instability": self.first_instability.as_dict()} if self.first_instability is not None else {}),
         }
 
     def __repr__(self) -> str:
         lines = [f"{self.problem}: {self.threshold.kind} at control {self.threshold.control}"
                  + (f", frequency {self.threshold.frequency}" if self.threshold.frequency else "")]
         lines += [f"  {one.name} = {one.value!r}  (error {one.error})" for one in self.coefficients]
+        lines += [f"  first instability {self.first_instability}"] if self.first_instability is not None else []
         return "\n".join(lines)
 
     def _repr_latex_(self) -> str:
@@ -287,8 +291,8 @@ def check_simple(module: Module, a: Algebra, total: acb) -> None:
         raise EvaluationError("threshold: found a vanishing product of direct and adjoint mode: the critical eigenvalue is defective; expected a simple one")
 
 
-def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: str = "auto", certify: bool = False, near: tuple[str, str | None] | None = None,
-             only: tuple[str, ...] = ()) -> Result:
+def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: str = "auto", certify: bool = False, count: bool = True,
+             near: tuple[str, str | None] | None = None, only: tuple[str, ...] = ()) -> Result:
     """Return threshold and coefficients, each right to `digits` significant digits of its modulus.
 
     Parameters
@@ -299,6 +303,10 @@ def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: s
         Significant digits of the modulus.
     route
         `closed`, `chebyshev`, `quadrature`, or `auto`: closed where it exists, else chebyshev.
+    certify
+        Prove the errors: every number is an enclosure. With `chebyshev` by power series on panels with bounded remainders.
+    count
+        With `certify`, count the unstable eigenvalues at the threshold too (`first_instability` of the result).
     near
         (control, frequency) as text, frequency None when steady: the coefficients at the critical point there. It need not be the first
         loss of stability, and nothing is said of the stability of the base state.
@@ -314,13 +322,17 @@ def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: s
         raise EvaluationError(f"route: found {route!r}; expected one of {', '.join(ROUTES)}")
     if isinstance(digits, bool) or not isinstance(digits, int) or not 1 <= digits <= MAX_DIGITS:
         raise EvaluationError(f"digits: found {digits!r}; expected an integer from 1 to {MAX_DIGITS}")
-    if certify:
-        raise EvaluationError("--certify: found no certified route for this problem; run without it: the error is then estimated from two computations")
     module = Module(emitted)
     known = {text for name, monomial, _ in module.COEFFICIENTS for text in (name, monomial)}
     for name in only:
         if name not in known:
             raise EvaluationError(f"only: found {name!r}; expected coefficients of {module.NAME}: {', '.join(one[0] for one in module.COEFFICIENTS)}")
+    if certify:
+        if near is not None or only:
+            raise EvaluationError("certify: found it with near or only; expected all coefficients at the first loss of stability")
+        from numerics.certified import evaluate_certified
+
+        return evaluate_certified(module, digits, route, count)
     if route != "auto":
         return evaluate_route(module, digits, route, near, only)
     try:

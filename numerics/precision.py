@@ -9,6 +9,7 @@ from contextlib import contextmanager
 import flint
 
 BITS_PER_DIGIT = 3.3219280948873626
+LONGEST_SERIES = 1_000_000
 _LOCK = threading.RLock()
 
 
@@ -24,12 +25,13 @@ class NotClosed(EvaluationError):
 def working_precision(bits: int) -> Iterator[None]:
     """Work with `bits` bits in python-flint; evaluations in other threads wait, so that none sees another's precision."""
     with _LOCK:
-        before = flint.ctx.prec
+        before = flint.ctx.prec, flint.ctx.cap
         flint.ctx.prec = int(bits)
+        flint.ctx.cap = LONGEST_SERIES
         try:
             yield
         finally:
-            flint.ctx.prec = before
+            flint.ctx.prec, flint.ctx.cap = before
 
 
 def bits_of(digits: int) -> int:

@@ -27,7 +27,7 @@ def test_coefficients_as_json():
 @pytest.mark.parametrize("arguments", [
     ("coefficients", "no_such_model"), ("coefficients", "van_der_pol", "--digits", "0"), ("coefficients", "van_der_pol", "--digits", "many"),
     ("coefficients", "van_der_pol", "--rout", "closed"), ("derive",), ("latex", "van_der_pol", "--order", "7"), ("coefficients", "swift_hohenberg", "--route", "closed"),
-    ("coefficients", "van_der_pol", "--certify"),
+    ("coefficients", "van_der_pol", "--certify", "--route", "quadrature"),
 ])
 def test_a_mistake_is_one_line_and_status_2(arguments):
     done = run(*arguments)
