@@ -221,5 +221,36 @@ def reproduce(target: str, out: str | None, digits: int) -> int:
     return run(loaded(target), Path(out) if out else None, digits, say, click.echo)
 
 
+@main.command()
+@click.argument("target")
+@click.option("--state", required=True, help="undeformed, beating, whirling for a vector amplitude; base, cycle, branch for the others.")
+@click.option("--mu", type=float, default=None, help="Distance of the control from the threshold.")
+@click.option("--mu-range", type=float, nargs=2, default=None, help="Follow the branch from the first to the second.")
+@click.option("--branch", "as_branch", is_flag=True, help="With --mu-range: write a table of the branch and its secondary bifurcations.")
+@click.option("--tolerance", type=float, default=1e-10, show_default=True, help="Relative error of peak and frequency.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def full(target: str, state: str, mu: float | None, mu_range: tuple[float, float] | None, as_branch: bool, tolerance: float, as_json: bool) -> None:
+    """A state of the full nonlinear problem, with its stability."""
+    from derive.residual import emit_residual
+    from numerics.full import follow_branch, solve_state
+
+    if (mu is None) == (mu_range is None) or as_branch != (mu_range is not None):
+        raise click.UsageError("expected either --mu X, or --mu-range A B with --branch")
+    derivation, result = coefficients_of(target, 15, "auto", False)
+    text = emit_residual(derivation.problem)
+    if mu is not None:
+        found = solve_state(text, result, state, mu, tolerance)
+        click.echo(json.dumps(found.as_dict()) if as_json else found.text())
+        return
+    low, high = mu_range  # type: ignore[misc]
+    points = []
+    for one in follow_branch(text, result, state, low, high, tolerance):
+        points.append(one)
+        if not as_json:
+            click.echo(one.line())
+    if as_json:
+        click.echo(json.dumps([one.as_dict() for one in points]))
+
+
 if __name__ == "__main__":
     main()
