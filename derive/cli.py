@@ -252,5 +252,20 @@ def full(target: str, state: str, mu: float | None, mu_range: tuple[float, float
         click.echo(json.dumps([one.as_dict() for one in points]))
 
 
+@main.command()
+@click.argument("target")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def validate(target: str, as_json: bool) -> int:
+    """Measure threshold and coefficients on the full nonlinear problem; exit 1 if they do not agree with the derived ones."""
+    from derive.residual import emit_residual
+    from numerics.full_validate import validate as run
+
+    derivation, result = coefficients_of(target, 15, "auto", False)
+    say: Callable[[str], None] = lambda text: click.echo(text, err=True) if sys.stderr.isatty() else None  # noqa: E731
+    found = run(emit_residual(derivation.problem), result, say)
+    click.echo(json.dumps(found.as_dict()) if as_json else found.text())
+    return 0 if found.agrees else 1
+
+
 if __name__ == "__main__":
     main()

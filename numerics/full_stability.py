@@ -21,7 +21,7 @@ from numerics.full_states import Branch
 from numerics.precision import EvaluationError
 
 DENSE = 420
-COUNT = 16
+COUNT = 10
 RESIDUAL = 1e-6
 
 
@@ -48,8 +48,8 @@ def pencil_spectrum(parts: Sequence[Array], sigma: float, count: int) -> tuple[A
 
     def apply(z: Array) -> Array:
         x, w = z[:n], z[n:]
-        top = -solver.solve(first @ x + two[:, second] @ w)
-        return np.concatenate([top, x[second]])
+        top = solver.once(first @ x + (two[:, second] @ w if len(second) else 0.0)) / solver.columns
+        return np.concatenate([-top, x[second]])
 
     size = n + len(second)
     if size <= DENSE:
@@ -63,19 +63,19 @@ def pencil_spectrum(parts: Sequence[Array], sigma: float, count: int) -> tuple[A
         operator = LinearOperator((size, size), matvec=apply, dtype=float)
         start = np.cos(1.0 + np.arange(size) ** 2)
         try:
-            theta, vectors = eigs(operator, k=min(count, size - 2), v0=start, tol=1e-13)
+            theta, vectors = eigs(operator, k=min(count, size - 2), v0=start, tol=1e-11)
         except ArpackError as failure:
             raise EvaluationError(f"exponents: Arnoldi's method did not converge: {failure}") from failure
     found = np.abs(theta) > 1e-12 * np.abs(theta).max()
     return sigma + 1 / theta[found], vectors[:n, found]
 
 
-def genuine(parts: Sequence[Array], grid: Discretisation, values: Array, vectors: Array) -> Array:
+def genuine(parts: Sequence[Array], grid: Discretisation, sigma: float, values: Array, vectors: Array) -> Array:
     """Tell which eigenpairs meet all rows and are resolved in space and time."""
     zero, one, two = parts
     with np.errstate(over="ignore"):
         terms = (zero @ vectors, (one @ vectors) * values, (two @ vectors) * values**2)
-    size = np.linalg.norm(np.abs(zero) @ np.abs(vectors), axis=0)  # what cancels when the rows are met
+    size = np.linalg.norm((np.abs(zero) + sigma * np.abs(one) + sigma**2 * np.abs(two)) @ np.abs(vectors), axis=0)  # what cancels when the rows are met
     misfit = np.linalg.norm(sum(terms), axis=0) / np.maximum(size, 1e-300)
     kept = misfit < RESIDUAL
     for k in np.flatnonzero(kept):
@@ -107,10 +107,14 @@ def class_spectrum(at: Linearisation, grid: Discretisation, sigma: float, strip:
     scale = at.scales(np.hstack([part * sigma**power for power, part in enumerate(parts)]))
     parts = [part[scale > 0] * scale[scale > 0, None] for part in parts]
     values, vectors = pencil_spectrum(parts, sigma, count)
+    if grid.size <= DENSE:  # infinite eigenvalues of higher index move with the shift
+        others, _ = pencil_spectrum(parts, 1.37 * sigma, count)
+        same = np.array([np.abs(others - value).min(initial=np.inf) < 1e-5 * (abs(value) + sigma) for value in values], dtype=bool)
+        values, vectors = values[same], vectors[:, same]
     if strip:
         inside = np.abs(values.imag) <= strip / 2 * (1 + 1e-9)
         values, vectors = values[inside], vectors[:, inside]
-    values = values[genuine(parts, grid, values, vectors)]
+    values = values[genuine(parts, grid, sigma, values, vectors)]
     return values[np.lexsort((-values.imag, np.round(-values.real, 9)))]
 
 

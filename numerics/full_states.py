@@ -183,6 +183,7 @@ class Branch:
     def __init__(self, full: Full, state: str) -> None:
         self.full, self.state, self.form = full, state, form_of(full, state)
         self.wave = 1 if self.form.motion.kind == "periodic" else 0
+        self.reach = 0.0  # how far from the threshold the branch is followed
 
     def grid(self, nodes: int, harmonics: int) -> Discretisation:
         """Return a discretisation."""
@@ -291,12 +292,13 @@ class Branch:
         """Return the weights of the arclength: shape and distance to the threshold count alike."""
         y = solution.y
         size = max(float(np.sum(y**2)), 1e-300)
-        mu = max(abs(solution.control - self.full.threshold), 1e-6 * self.width(0.0))
+        mu = max(abs(solution.control - self.full.threshold), 0.1 * self.reach, 1e-9 * self.width(0.0))
         return np.concatenate([np.full(len(y), 1 / size), [0.0, 0.25 / mu**2]])
 
     def follow(self, start: Solution, target: float, step: float = 0.3, longest: float = 0.5, points: int = 400):  # type: ignore[no-untyped-def]
         """Yield the states along the branch by pseudo-arclength, up to the control `target`, the last one there."""
         current, before, yielded = start, None, start
+        self.reach = abs(target - self.full.threshold)
         direction = 0.0
         for _ in range(points):
             current = self.resolved(current, 1e-5)
