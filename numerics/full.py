@@ -156,8 +156,30 @@ def completed(branch: Branch, start: Solution, tolerance: float, started: float)
     )
 
 
-def follow_branch(text: str, result: Result, state: str, low: float, high: float, tolerance: float = 1e-8) -> Iterator[FullState]:
-    """Yield the states of a branch from mu = low to mu = high, with their stability, by pseudo-arclength."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Secondary:
+    """Where a state gains or loses stability: `kind` is `real` (an exponent crosses at 0) or `complex` (a pair, at +- i frequency)."""
+
+    state: str
+    kind: str
+    mu: float
+    control: float
+    frequency: float
+    error: float
+    where: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the bifurcation as plain data."""
+        return {"state": self.state, "kind": self.kind, "mu": decimal(self.mu, self.error), "control": decimal(self.control, self.error), "frequency": decimal(self.frequency, self.error),
+                "error": f"{self.error:.1e}", "where": self.where}
+
+    def line(self) -> str:
+        """Return the bifurcation as a row of a table."""
+        return f"{self.mu:14.8g} secondary bifurcation of {self.state}: {self.kind} exponent, control {self.control:.10g}, frequency {self.frequency:.8g}" + (f", {self.where}" if self.where else "")
+
+
+def follow_branch(text: str, result: Result, state: str, low: float, high: float, tolerance: float = 1e-6) -> Iterator[FullState | Secondary]:
+    """Yield the states of a branch from mu = low to mu = high, with their stability, by pseudo-arclength, and the secondary bifurcations between them."""
     check_tolerance(tolerance)
     branch = Branch(Full(rows=Rows(text), result=result), state)
     if state in ("base", "undeformed"):
@@ -166,7 +188,59 @@ def follow_branch(text: str, result: Result, state: str, low: float, high: float
         return
     current = branch.start(low)
     started = time.perf_counter()
-    yield completed(branch, current, tolerance, started)
+    before = completed(branch, current, tolerance, started)
+    yield before
     for solution in branch.follow(current, branch.full.threshold + high, step=0.15, longest=0.15):
         started = time.perf_counter()
-        yield completed(branch, solution, tolerance, started)
+        after = completed(branch, solution, tolerance, started)
+        if unstable(before) != unstable(after):
+            yield secondary_between(branch, before, after)
+        yield after
+        before = after
+
+
+def unstable(one: FullState) -> int:
+    """Return how many exponents grow."""
+    return sum(exponent.value.real > 0 for exponent in one.exponents if not exponent.neutral)
+
+
+def secondary_between(branch: Branch, before: FullState, after: FullState) -> Secondary:
+    """Return where the last growing exponent crosses the axis, by the secant method within a bracket (Illinois)."""
+    rank = max(unstable(before), unstable(after)) - 1
+    finest = max((before, after), key=lambda one: (one.harmonics, one.nodes))
+    estimates: list[tuple[float, Exponent]] = []
+    for extra in (0, 2):
+        grid = branch.grid(finest.nodes + extra, finest.harmonics + (extra if finest.harmonics else 0))
+        ends = [np.concatenate([grid.pack(one.shape), [one.shape.omega, one.shape.control]]) for one in (before, after)]
+
+        def crossing(share: float) -> tuple[float, Exponent]:
+            X = ends[0] + share * (ends[1] - ends[0])
+            found = branch.at_control(grid, X, float(X[-1]))
+            exponents = [one for one in exponents_of(branch, grid, found.y, found.control, found.omega) if not one.neutral]
+            if len(exponents) <= rank:
+                raise EvaluationError(f"{branch.state} near control {found.control:.8g}: found too few exponents to locate the secondary bifurcation; ask for a smaller tolerance")
+            return exponents[rank].value.real, exponents[rank]
+
+        a, b = (0.0, crossing(0.0)[0]), (1.0, crossing(1.0)[0])
+        if a[1] * b[1] > 0:
+            raise EvaluationError(f"{branch.state} between controls {before.control:.8g} and {after.control:.8g}: found exponents that cross twice; follow a shorter range")
+        share, critical = 0.5, None
+        for _ in range(30):
+            share = (a[0] * b[1] - b[0] * a[1]) / (b[1] - a[1])
+            value, critical = crossing(share)
+            if abs(value) < 1e-9 * (abs(a[1]) + abs(b[1])) or abs(b[0] - a[0]) < 1e-10:
+                break
+            if value * b[1] < 0:
+                a, b = b, (share, value)
+            else:
+                a, b = (a[0], a[1] / 2), (share, value)
+            if estimates and abs(share - estimates[-1][0]) < 1e-12:
+                break
+        assert critical is not None
+        estimates.append((share, critical))
+    controls = [before.control + share * (after.control - before.control) for share, _ in estimates]
+    critical = estimates[1][1]
+    real = abs(critical.value.imag) < 1e-6 * max(abs(before.frequency or 0.0), abs(critical.value.real), 1e-12)
+    error = abs(controls[1] - controls[0]) / abs(controls[1]) if controls[1] else abs(controls[1] - controls[0])
+    return Secondary(state=branch.state, kind="real" if real else "complex", mu=controls[1] - branch.full.threshold, control=controls[1], frequency=abs(critical.value.imag) if not real else 0.0,
+                     error=max(2 * error, 1e-9), where=critical.kind)
