@@ -31,6 +31,7 @@ from numerics.precision import EvaluationError
 
 POINTS = 7
 NEEDED = 6
+ROUNDING = 1e-9
 SHARES = (0.01, 0.05, 0.10)
 
 
@@ -47,8 +48,9 @@ class Check:
 
     @property
     def agrees(self) -> bool:
-        """Tell whether enough digits agree."""
-        return self.digits >= NEEDED
+        """Tell whether enough digits agree, and as many as the measurement has (nine of them at most)."""
+        difference = abs(self.derived - self.measured) / max(abs(self.derived), 1e-300)
+        return self.digits >= NEEDED and difference < max(10 * self.error, ROUNDING)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
