@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from numerics.coefficients import Result
-from numerics.full_newton import Solution
+from numerics.full_newton import Condition, Solution, newton
 from numerics.full_rows import Rows, State
 from numerics.full_stability import Exponent, exponents_of
 from numerics.full_states import Branch, Full, Prediction
@@ -209,36 +209,39 @@ def secondary_between(branch: Branch, before: FullState, after: FullState) -> Se
     rank = max(unstable(before), unstable(after)) - 1
     finest = max((before, after), key=lambda one: (one.harmonics, one.nodes))
     estimates: list[tuple[float, Exponent]] = []
+    width = branch.width(before.mu)
     for extra in (0, 2):
         grid = branch.grid(finest.nodes + extra, finest.harmonics + (extra if finest.harmonics else 0))
         ends = [np.concatenate([grid.pack(one.shape), [one.shape.omega, one.shape.control]]) for one in (before, after)]
 
-        def crossing(share: float) -> tuple[float, Exponent]:
-            X = ends[0] + share * (ends[1] - ends[0])
-            found = branch.at_control(grid, X, float(X[-1]))
+        chord = ends[1] - ends[0]
+        row = chord / np.concatenate([np.full(grid.size, max(float(np.sum(ends[1][:-2] ** 2)), 1e-300)), [np.inf, width**2]])
+
+        def crossing(share: float) -> tuple[float, Exponent, float]:
+            # control free, across the chord: a fold is no exception
+            X = ends[0] + share * chord
+            found = newton(grid, X, [*branch.phase(grid), Condition(row=row, value=float(row @ X))], width, branch.held)
             exponents = [one for one in exponents_of(branch, grid, found.y, found.control, found.omega) if not one.neutral]
             if len(exponents) <= rank:
                 raise EvaluationError(f"{branch.state} near control {found.control:.8g}: found too few exponents to locate the secondary bifurcation; ask for a smaller tolerance")
-            return exponents[rank].value.real, exponents[rank]
+            return exponents[rank].value.real, exponents[rank], found.control
 
         a, b = (0.0, crossing(0.0)[0]), (1.0, crossing(1.0)[0])
         if a[1] * b[1] > 0:
             raise EvaluationError(f"{branch.state} between controls {before.control:.8g} and {after.control:.8g}: found exponents that cross twice; follow a shorter range")
-        share, critical = 0.5, None
+        share, critical, control = 0.5, None, before.control
         for _ in range(30):
             share = (a[0] * b[1] - b[0] * a[1]) / (b[1] - a[1])
-            value, critical = crossing(share)
+            value, critical, control = crossing(share)
             if abs(value) < 1e-9 * (abs(a[1]) + abs(b[1])) or abs(b[0] - a[0]) < 1e-10:
                 break
             if value * b[1] < 0:
                 a, b = b, (share, value)
             else:
                 a, b = (a[0], a[1] / 2), (share, value)
-            if estimates and abs(share - estimates[-1][0]) < 1e-12:
-                break
         assert critical is not None
-        estimates.append((share, critical))
-    controls = [before.control + share * (after.control - before.control) for share, _ in estimates]
+        estimates.append((control, critical))
+    controls = [control for control, _ in estimates]
     critical = estimates[1][1]
     real = abs(critical.value.imag) < 1e-6 * max(abs(before.frequency or 0.0), abs(critical.value.real), 1e-12)
     error = abs(controls[1] - controls[0]) / abs(controls[1]) if controls[1] else abs(controls[1] - controls[0])

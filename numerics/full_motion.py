@@ -99,8 +99,8 @@ class Integrator:
         z = float(self.values[0].real)
         self.scale = at.scales(np.hstack([part * z**power for power, part in enumerate(parts)]))
         parts = [part[self.scale > 0] * self.scale[self.scale > 0, None] for part in parts]
-        real, complex_ = (sum(part * value**power for power, part in enumerate(parts)) for value in (z, self.values[1]))
-        self.solvers = (LeastSquares(real), ComplexLeastSquares(complex_))
+        w = self.values[1]
+        self.solvers = (LeastSquares(parts[0] + z * parts[1] + z**2 * parts[2]), ComplexLeastSquares(parts[0] + w * parts[1] + w**2 * parts[2]))
         self.factors += 1
 
     def advance(self, y: Array, v: Array, guess: Array) -> tuple[Array, Array, Array, float]:
@@ -127,7 +127,7 @@ class Integrator:
             if size < 1e-12 or (size < 1e-8 and size > 0.5 * before):
                 V = (Y - y[:, None]) @ self.inverse.T
                 return Y[:, 2], V[:, 2], Y, float(np.abs(scaled[:, 2]).max())
-            if size > 0.3 * before and not fresh:
+            if size > 0.3 * before and size > 1e-9 and not fresh:
                 self.solvers = None
             elif size > 20 * before:
                 break

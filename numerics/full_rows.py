@@ -106,7 +106,7 @@ def space_basis(degree: int, nodes: int, length: float, x: Array, order: int) ->
     for power in range(degree):
         rest = power - order
         columns.append((x + 1) ** rest / float(np.prod(np.arange(1, rest + 1))) if rest >= 0 else np.zeros_like(x))
-    series = np.eye(nodes)
+    series: Array = np.eye(nodes)
     if degree - order:
         series = chebyshev.chebint(series, m=degree - order, lbnd=-1, axis=0)
     return np.hstack([np.array(columns).reshape(degree, len(x)).T, chebyshev.chebval(x, series).reshape(nodes, len(x)).T]) * (2 / length) ** order

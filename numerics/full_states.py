@@ -149,7 +149,7 @@ def components_at_rest(full: Full) -> frozenset[int]:
     across = tuple(k for k in range(rows.count) if rows.weight[k])
     if full.hopf:
         grid = Discretisation(rows, Motion(kind="periodic", symmetric=True), (Group(members=across, parity=1),), 16, 1)
-        wanted = ((0, 1, 1.0), (0, 2, 0.0), (1, 1, 0.0), (1, 2, 0.0))
+        wanted: tuple[tuple[int, int, float], ...] = ((0, 1, 1.0), (0, 2, 0.0), (1, 1, 0.0), (1, 2, 0.0))
     else:
         grid = Discretisation(rows, Motion(kind="steady"), (Group(members=across),), 16)
         wanted = ((0, 0, 1.0), (1, 0, 0.0))
@@ -296,19 +296,19 @@ class Branch:
         return np.concatenate([np.full(len(y), 1 / size), [0.0, 0.25 / mu**2]])
 
     def follow(self, start: Solution, target: float, step: float = 0.3, longest: float = 0.5, points: int = 400):  # type: ignore[no-untyped-def]
-        """Yield the states along the branch by pseudo-arclength, up to the control `target`, the last one there."""
-        current, before, yielded = start, None, start
+        """Yield the states along the branch by pseudo-arclength, around folds, up to the control `target`, the last one there.
+
+        The branch is followed away from the threshold, unless the target lies between the threshold and the start.
+        """
+        current, before, previous = start, None, None  # state, direction, and the state before
         self.reach = abs(target - self.full.threshold)
-        direction = 0.0
         for _ in range(points):
             current = self.resolved(current, 1e-5)
-            tangent = self.tangent(current, before if before is not None and len(before) == len(current.X) else None)
-            if before is None or len(before) != len(current.X):
-                if direction == 0.0:
-                    direction = 1.0 if tangent[-1] * (target - current.control) >= 0 else -1.0
-                    tangent = direction * tangent
-                elif self.on(current.grid, yielded) is not None and (self.weights(current) * tangent) @ (current.X - self.on(current.grid, yielded)) < 0:
-                    tangent = -tangent
+            if before is not None and previous is not None and len(before) != len(current.X):
+                before = current.X - self.on(current.grid, previous)
+            tangent = self.tangent(current, before)
+            if before is None and 0 < (target - self.full.threshold) / (current.control - self.full.threshold) < 1:
+                tangent = -tangent  # back towards the threshold; else the amplitude grows
             while True:
                 gap = target - current.control
                 ahead = current.X + step * tangent
@@ -331,7 +331,7 @@ class Branch:
             if (found.control - target) * (current.control - target) < 0:
                 yield self.at_control(current.grid, found.X, target)
                 return
-            before, yielded, current = tangent, current, found
+            before, previous, current = tangent, current, found
             yield current
         raise NotConverged(f"{self.state}: the branch did not reach control {target:.8g} in {points} steps; it is at {current.control:.8g}")
 

@@ -242,23 +242,21 @@ def fitted(branch: Branch, mu: float) -> Fit:
         goal = power * (largest if reading > 0 else -largest)
         found = branch.at_amplitude(grid, np.concatenate([X[:-2] * (goal / reading), X[-2:]]), goal, mu)
         X, reading = found.X, goal
-        q = goal if transcritical else goal**2
-        exponent = 0j
+        rate = 0j
         if branch.state == "whirling":
             exponents = exponents_of(branch, grid, found.y, found.control, found.omega)
-            exponent = min((one.value for one in exponents), key=lambda value: abs(value - 2j * found.omega)) - 2j * found.omega
-        values.append((q, found.control, found.omega, exponent))
-    q = np.array([value[0] for value in values])
+            rate = min((one.value for one in exponents), key=lambda value: abs(value - 2j * found.omega)) - 2j * found.omega
+        values.append((goal if transcritical else goal**2, found.control, found.omega, rate))
+    table = [np.array(column) for column in zip(*values, strict=True)]
+    q, controls, omegas = table[:3]
     span = float(np.abs(q).max())
-    control, control_slope, one = at_zero(q / span, np.array([value[1] - full.threshold for value in values]))
-    omega, omega_slope, two = at_zero(q / span, np.array([value[2] - full.frequency for value in values]))
-    slope = exponent_error = 0.0
-    if branch.state == "whirling":  # the exponent vanishes with q
-        rates = np.array([value[3] / value[0] for value in values])
-        real, _, error_real = at_zero(q / span, rates.real)
-        imaginary, _, error_imaginary = at_zero(q / span, rates.imag)
-        slope, exponent_error = complex(real, imaginary), (error_real + error_imaginary) / abs(complex(real, imaginary))
-    error = max(one / max(abs(control_slope), 1e-300), exponent_error, two / max(abs(omega_slope), abs(control_slope) * 1e-3, 1e-300) if full.hopf else 0.0)
+    control, control_slope, control_error = at_zero(q / span, controls - full.threshold)
+    omega, omega_slope, omega_error = at_zero(q / span, omegas - full.frequency)
+    rates = table[3] / q  # the exponent vanishes with q
+    parts = [at_zero(q / span, part) for part in (rates.real, rates.imag)]
+    slope = complex(parts[0][0], parts[1][0])
+    exponent_error = (parts[0][2] + parts[1][2]) / abs(slope) if slope else 0.0
+    error = max(control_error / max(abs(control_slope), 1e-300), exponent_error, omega_error / max(abs(omega_slope), abs(control_slope) * 1e-3, 1e-300) if full.hopf else 0.0)
     return Fit(control=full.threshold + control, control_slope=control_slope / span, omega=full.frequency + omega, omega_slope=omega_slope / span, exponent_slope=slope, error=error)
 
 

@@ -1,14 +1,18 @@
 """The full nonlinear problem: known solutions, another formulation, another method, and the coefficients measured on it."""
 
+import json
+
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from conftest import PROBLEMS, derivation_of, result_of
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 from derive import load_problem
+from derive.cli import main
 from derive.residual import emit_residual
-from numerics.full import solve_state
+from numerics.full import Secondary, follow_branch, solve_state
 from numerics.full_motion import simulate_full
 from numerics.full_rows import Rows, space_basis
 from numerics.full_validate import validate
@@ -164,3 +168,43 @@ def test_the_json_object_is_that_of_the_contract():
     data = solved("van_der_pol", "cycle", 0.1).as_dict()
     assert set(data) == {"state", "mu", "control", "peak", "frequency", "predicted", "exponents", "stable", "error", "resolution", "seconds"}
     assert isinstance(data["peak"], str) and set(data["predicted"]) == {"peak", "frequency"} and {"re", "im"} <= set(data["exponents"][0])
+
+
+def test_the_hopf_bifurcation_of_lorenz_on_the_branch_of_the_pitchfork_is_located():
+    """Known: r = sigma (sigma + b + 3) / (sigma - b - 1) = 470/19, frequency sqrt(b (sigma + r))."""
+    target = local("lorenz_pitch")
+    found = [one for one in follow_branch(text_of(target), result_of(target), "branch", 5.0, 30.0, 1e-8) if isinstance(one, Secondary)]
+    assert len(found) == 1 and found[0].kind == "complex"
+    assert abs(found[0].control - 470 / 19) < 1e-8 * 470 / 19
+    assert abs(found[0].frequency - np.sqrt(8 / 3 * (10 + 470 / 19))) < 1e-6
+
+
+def test_a_branch_is_followed_around_its_fold(write_problem):
+    """u' = mu u + u^3 - u^5: from the threshold backwards to the fold at mu = -1/4 and on to mu = 1/2."""
+    target = write_problem(FOLD)
+    states = list(follow_branch(text_of(target), result_of(target), "branch", -0.05, 0.5, 1e-8))
+    for one in (one for one in states if not isinstance(one, Secondary)):
+        assert abs(one.mu + one.peak**2 - one.peak**4) < 1e-10
+        assert one.stable == (one.peak > np.sqrt(0.5))
+    fold = [one for one in states if isinstance(one, Secondary)]
+    assert len(fold) == 1 and fold[0].kind == "real"
+
+
+FOLD = """
+from sympy import Symbol
+from derive import Problem, field
+
+t, mu = Symbol("t", real=True), Symbol("mu", real=True)
+u = field("u", t)
+problem = Problem(name="fold", time=t, control=mu, control_range=(-1, 1), fields=(u,), equations=(u.diff(t) - mu * u - u**3 + u**5,), base_state={u: 0}, normalisation=(u, None))
+"""
+
+
+def test_the_command_prints_one_json_object_and_says_what_is_wrong():
+    runner = CliRunner()
+    found = runner.invoke(main, ["full", "van_der_pol", "--state", "cycle", "--mu", "0.1", "--json"])
+    assert found.exit_code == 0 and json.loads(found.output)["state"] == "cycle"
+    assert runner.invoke(main, ["full", "van_der_pol", "--state", "cycle"]).exit_code == 2
+    assert runner.invoke(main, ["full", "van_der_pol", "--state", "cycle", "--mu", "-0.1"]).exit_code == 2
+    checked = runner.invoke(main, ["validate", "van_der_pol"])
+    assert checked.exit_code == 0 and "numbers agree" in checked.output
