@@ -14,7 +14,7 @@ from numerics.coefficients import Result
 from numerics.full_newton import Condition, Solution, newton
 from numerics.full_rows import Rows, State
 from numerics.full_stability import Exponent, exponents_of
-from numerics.full_states import Branch, Full, Prediction
+from numerics.full_states import MAX_NODES, Branch, Full, Prediction
 from numerics.precision import EvaluationError
 
 SHOWN = 8
@@ -130,13 +130,30 @@ def check_tolerance(tolerance: float) -> None:
 def at_rest(branch: Branch, mu: float, started: float) -> FullState:
     """Return the base state with its growth rates, at a resolution that changes them no more."""
     full = branch.full
-    control, nodes = full.threshold + mu, 24
-    grid = branch.grid(nodes, 0)
-    found = exponents_of(branch, grid, np.zeros(grid.size), control, 0.0)
+    control, nodes = full.threshold + mu, 20
+    found: tuple[Exponent, ...] = ()
+    while True:
+        grid = branch.grid(nodes, 0)
+        before, found = found, exponents_of(branch, grid, np.zeros(grid.size), control, 0.0)
+        error = drift(before, found)
+        if error < 1e-8 or grid.nodes == 1:
+            break
+        nodes += nodes // 4
+        if nodes > MAX_NODES:
+            raise EvaluationError(f"{branch.state} at control {control:.8g}: found leading growth rates that still change by {error:.1e} at {grid.nodes} nodes; expected them to settle")
     return FullState(
-        state=branch.state, mu=mu, control=control, peak=0.0, frequency=None, predicted=full.predict(branch.state, mu), exponents=found, error=0.0, nodes=grid.nodes,
+        state=branch.state, mu=mu, control=control, peak=0.0, frequency=None, predicted=full.predict(branch.state, mu), exponents=found, error=0.0 if grid.nodes == 1 else error, nodes=grid.nodes,
         harmonics=0, residual=0.0, seconds=time.perf_counter() - started, shape=grid.unpack(np.zeros(grid.size), control, 0.0),
     )
+
+
+def drift(before: tuple[Exponent, ...], after: tuple[Exponent, ...]) -> float:
+    """Return the relative change of the leading exponents."""
+    if not before or not after:
+        return float("inf")
+    pairs = list(zip(before[:2], after[:2], strict=False))
+    scale = max(abs(one.value) for one in after[:2])
+    return max(abs(one.value - other.value) for one, other in pairs) / max(scale, 1e-300)
 
 
 def completed(branch: Branch, start: Solution, tolerance: float, started: float) -> FullState:
