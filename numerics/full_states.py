@@ -298,7 +298,7 @@ class Branch:
     def follow(self, start: Solution, target: float, step: float = 0.3, longest: float = 0.5, points: int = 400):  # type: ignore[no-untyped-def]
         """Yield the states along the branch by pseudo-arclength, around folds, up to the control `target`, the last one there.
 
-        The branch is followed away from the threshold, unless the target lies between the threshold and the start.
+        Near the threshold it is followed to larger amplitudes, unless the target lies between the threshold and the start; elsewhere towards the target.
         """
         current, before, previous = start, None, None  # state, direction, and the state before
         self.reach = abs(target - self.full.threshold)
@@ -307,8 +307,8 @@ class Branch:
             if before is not None and previous is not None and len(before) != len(current.X):
                 before = current.X - self.on(current.grid, previous)
             tangent = self.tangent(current, before)
-            if before is None and 0 < (target - self.full.threshold) / (current.control - self.full.threshold) < 1:
-                tangent = -tangent  # back towards the threshold; else the amplitude grows
+            if before is None and self.backwards(current, tangent, target):
+                tangent = -tangent
             while True:
                 gap = target - current.control
                 ahead = current.X + step * tangent
@@ -334,6 +334,17 @@ class Branch:
             before, previous, current = tangent, current, found
             yield current
         raise NotConverged(f"{self.state}: the branch did not reach control {target:.8g} in {points} steps; it is at {current.control:.8g}")
+
+    def backwards(self, start: Solution, tangent: Array, target: float) -> bool:
+        """Tell whether a tangent along which the amplitude grows leads away from where the branch is to be followed."""
+        mu = start.control - self.full.threshold
+        try:
+            predicted = self.full.predict(self.state, mu).peak
+        except EvaluationError:
+            predicted = 0.0
+        if abs(self.peak(start) - predicted) < 0.3 * predicted:
+            return 0 < (target - self.full.threshold) / mu < 1
+        return bool(tangent[-1] * (target - start.control) < 0)
 
     def resolved(self, solution: Solution, tolerance: float) -> Solution:
         """Return the same state with tails of both series below the tolerance."""
