@@ -289,6 +289,37 @@ def bench(targets: tuple[str, ...], out: str | None, as_json: bool, quick: bool)
 
 @main.command()
 @click.argument("target")
+@click.option("--state", required=True, help="undeformed, beating, whirling for a vector amplitude; base, cycle, branch for the others.")
+@click.option("--mu", type=float, default=None, help="Distance of the control from the threshold.")
+@click.option("--mu-range", type=float, nargs=2, default=None, help="Follow the branch from the first to the second.")
+@click.option("--branch", "as_branch", is_flag=True, help="With --mu-range: write a table of the branch and its secondary bifurcations.")
+@click.option("--tolerance", type=float, default=1e-10, show_default=True, help="Relative error of peak and frequency.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def full(target: str, state: str, mu: float | None, mu_range: tuple[float, float] | None, as_branch: bool, tolerance: float, as_json: bool) -> None:
+    """A state of the full nonlinear problem, with its stability."""
+    from derive.residual import emit_residual
+    from numerics.full import follow_branch, solve_state
+
+    if (mu is None) == (mu_range is None) or as_branch != (mu_range is not None):
+        raise click.UsageError("expected either --mu X, or --mu-range A B with --branch")
+    derivation, result = coefficients_of(target, 15, "auto", False)
+    text = emit_residual(derivation.problem)
+    if mu is not None:
+        found = solve_state(text, result, state, mu, tolerance)
+        click.echo(json.dumps(found.as_dict()) if as_json else found.text())
+        return
+    low, high = mu_range  # type: ignore[misc]
+    points = []
+    for one in follow_branch(text, result, state, low, high, tolerance):
+        points.append(one)
+        if not as_json:
+            click.echo(one.line())
+    if as_json:
+        click.echo(json.dumps([one.as_dict() for one in points]))
+
+
+@main.command()
+@click.argument("target")
 @click.option("--initial", required=True, help="A(0): 0.03 for a scalar; for a vector two components across the axis, along e1 and e2: 0.03,0.005i")
 @click.option("--mu", required=True, type=float, help="Distance of the control from the threshold.")
 @click.option("--until", required=True, type=float, help="Final time.")
@@ -365,6 +396,21 @@ def drawn(derivation: Derivation, form: str, names: Sequence[str], strict: bool)
             if strict:
                 raise
             click.echo(f"fredholm: {name} is left out: {one_line(reason)}", err=True)
+
+
+@main.command()
+@click.argument("target")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def validate(target: str, as_json: bool) -> int:
+    """Measure threshold and coefficients on the full nonlinear problem; exit 1 if they do not agree with the derived ones."""
+    from derive.residual import emit_residual
+    from numerics.full_validate import validate as run
+
+    derivation, result = coefficients_of(target, 15, "auto", False)
+    say: Callable[[str], None] = lambda text: click.echo(text, err=True) if sys.stderr.isatty() else None  # noqa: E731
+    found = run(emit_residual(derivation.problem), result, say)
+    click.echo(json.dumps(found.as_dict()) if as_json else found.text())
+    return 0 if found.agrees else 1
 
 
 if __name__ == "__main__":
