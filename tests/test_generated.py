@@ -18,9 +18,9 @@ def test_generated_files_are_what_is_emitted_now(name):
     assert (ROOT / "generated" / f"{name}.tex").read_text() == document(derivation)
 
 
-@pytest.mark.parametrize("seed", ["0", "4242"])
-def test_the_text_does_not_depend_on_the_hash_seed(seed):
-    environment = {**os.environ, "PYTHONHASHSEED": seed}
+def test_the_text_does_not_depend_on_the_hash_seed():
+    """This process has a seed of its own; another one has 4242."""
+    environment = {**os.environ, "PYTHONHASHSEED": "4242"}
     command = [sys.executable, "-m", "derive.cli", "derive", "follower_force", "--check", "--out", str(ROOT / "generated")]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, cwd=ROOT)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

@@ -42,7 +42,11 @@ def test_exact_normal_form(name):
         assert abs(Decimal(one.value.im) - Decimal(im)) < Decimal("1e-20")
 
 
-@pytest.mark.parametrize("name", sorted(path.stem for path in PROBLEMS.glob("*.py")))
+# one of every kind; the others on demand (-m slow)
+QUICK = frozenset("basedep brus_pde buckle3d clash ff_components ff_weakbc lorenz_hopf noninteger pipe tipmass varcoef vec_pitch".split())
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in sorted(path.stem for path in PROBLEMS.glob("*.py"))])
 def test_routes_agree_on_every_problem(name):
     """Every route that does not refuse gives the same digits."""
     from numerics import EvaluationError
