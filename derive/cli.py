@@ -267,7 +267,7 @@ def bench(targets: tuple[str, ...], out: str | None, as_json: bool, quick: bool)
 
     if out is not None and find_spec("matplotlib") is None:
         raise click.UsageError("--out: found no matplotlib, which draws the diagrams; install it, or leave --out away")
-    problems = [(derivation.problem.name, derivation.emit()) for derivation in map(derived, targets or ("follower_force", "heavy_column"))]
+    problems = [(derivation.problem.name, derivation.emit()) for derivation in map(derived, targets or bundled_names())]
     measurements: list[Measurement] = []
     proved = {}
     for name, text in problems:
