@@ -95,7 +95,8 @@ def test_the_general_solvability_condition_is_the_conjugate_of_the_papers():
 
 
 NAMES = ["follower_force", "follower_force_planar", "swift_hohenberg", "van_der_pol",
-         *(str(PROBLEMS / f"{name}.py") for name in ("ff_weakbc", "buckle3d", "brus_pde", "lorenz_hopf", "basedep", "tipmass"))]
+         *(str(PROBLEMS / f"{name}.py") for name in ("ff_weakbc", "brus_pde", "lorenz_hopf", "basedep", "tipmass")),
+         pytest.param(str(PROBLEMS / "buckle3d.py"), marks=pytest.mark.slow)]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -205,7 +206,7 @@ def test_forms_in_circular_components_are_those_in_cartesian_ones(numbers):
     assert dot(vector(0, 0), cross(vector(0, 0), vector(1, 1))).components[""] == {}
 
 
-@pytest.mark.parametrize("name", ["follower_force", "van_der_pol", str(PROBLEMS / "ff_components.py"), str(PROBLEMS / "weak_iso.py"), str(PROBLEMS / "clash.py"),
+@pytest.mark.parametrize("name", ["follower_force", "van_der_pol", pytest.param(str(PROBLEMS / "ff_components.py"), marks=pytest.mark.slow), str(PROBLEMS / "weak_iso.py"), str(PROBLEMS / "clash.py"),
                                   str(PROBLEMS / "vec_pitch.py")])
 def test_the_document_is_balanced_and_compiles_where_latex_is_installed(name, tmp_path):
     text = document(derivation_of(name))
