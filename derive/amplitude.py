@@ -18,7 +18,7 @@ from sympy import Expr, I, Integer, Symbol, expand
 
 from derive.expansion import Expansion
 from derive.functions import Functions, conjugated
-from derive.onset import Onset
+from derive.onset import Onset, holds_mode
 from derive.operator import LAMBDA, OMEGA, BoundaryRows, FirstOrderOperator, Forcing, coupled_block, reduce_operator
 from derive.ordinary import AlgebraicOperator
 from derive.problem import SCALAR_MONOMIALS, VECTOR_MONOMIALS, DerivationError, ProblemError
@@ -110,8 +110,14 @@ def at_growth(operator: Operator, growth: Expr) -> Operator:
     return replace(operator, left=rows(operator.left), right=rows(operator.right), **common)  # type: ignore[arg-type]
 
 
-def critical_operator(expansion: Expansion, operators: Mapping[int, Operator], weight: int, growth: Expr) -> Operator:
-    """Return the operator of the critical mode: of a Hopf bifurcation only the block of fields that the mode holds."""
+def critical_operator(expansion: Expansion, operators: Mapping[int, Operator], weight: int, growth: Expr, onset: Onset) -> Operator:
+    """Return the operator of the critical mode: of a Hopf bifurcation only the block of fields that the mode holds.
+
+    Raises
+    ------
+    ProblemError
+        The mode does not hold the normalised field.
+    """
     if growth == 0:
         return reduced(expansion, weight, Integer(0))
     leading = next(index for index in expansion.formulation.normalised if expansion.formulation.unknowns[index].weight == weight)
@@ -119,7 +125,12 @@ def critical_operator(expansion: Expansion, operators: Mapping[int, Operator], w
     whole = {unknown.index for unknown in expansion.formulation.unknowns if unknown.weight == weight}
     if isinstance(operators[weight], AlgebraicOperator) or block == whole:
         return at_growth(operators[weight], growth)
-    return at_growth(reduce_operator(expansion, weight, LAMBDA, block), growth)
+    operator = reduce_operator(expansion, weight, LAMBDA, block)
+    if not holds_mode(operator, expansion, onset):
+        name = expansion.formulation.unknowns[leading].latex
+        raise ProblemError(f"normalisation: found {name}, which vanishes in the critical mode; expected a field that the mode holds: one of "
+                           f"{', '.join(sorted({one.latex for one in expansion.formulation.unknowns if one.weight == weight and one.index not in block}))}")
+    return at_growth(operator, growth)
 
 
 def driven_block(orders: Orders, monomial: tuple[int, ...]) -> frozenset[int] | None:
@@ -205,7 +216,7 @@ def reduce_to_amplitude(expansion: Expansion, onset: Onset, operators: Mapping[i
     growth: Expr = I * OMEGA if hopf else Integer(0)
     weight = 1 if vector else 0
     functions = Functions(space=formulation.space, reserved=frozenset(symbol.name for symbol in (formulation.control, *formulation.parameters)))
-    critical = critical_operator(expansion, operators, weight, growth)
+    critical = critical_operator(expansion, operators, weight, growth, onset)
     unknowns = formulation.unknowns
     phi = tuple(Symbol("phi" if k == 0 else f"phi_{k}") for k in range(critical.size))
     bars = {symbol: Symbol(symbol.name.replace("phi", "phi_bar")) for symbol in phi}
@@ -221,7 +232,7 @@ def reduce_to_amplitude(expansion: Expansion, onset: Onset, operators: Mapping[i
     plus_values = mode_values(critical)
     minus: Operator | None = None
     if vector:
-        raw_minus = critical_operator(expansion, operators, -1, growth)
+        raw_minus = critical_operator(expansion, operators, -1, growth, onset)
         minus = reflected(critical, raw_minus, expansion)
         minus_values = mode_values(minus)
         amplitudes: tuple[Amplitude, ...]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from sympy import Expr, Function, I, Integer, Matrix, Poly, Rational, Symbol, expand, fraction, lambdify, lcm, together
 from threadpoolctl import threadpool_limits
 
+from derive.expansion import Expansion
 from derive.operator import LAMBDA, FirstOrderOperator
 from derive.ordinary import AlgebraicOperator
 from derive.problem import DerivationError, Formulation, ProblemError
@@ -339,6 +340,14 @@ class Spectrum:
         """Return the largest real part."""
         values = self.rightmost(control)
         return values[0][0].real if values else -1e30
+
+
+def holds_mode(operator: FirstOrderOperator, expansion: Expansion, onset: Onset) -> bool:
+    """Tell whether the critical eigenvalue is one of this operator, which is a block of the whole linear problem."""
+    with threadpool_limits(limits=1, user_api="blas"):
+        found = Pencil(operator, expansion.formulation).eigenvalues(onset.control, NODES[2])
+    wanted = 1j * (onset.frequency or 0.0)
+    return bool(np.any(np.abs(np.abs(found.imag) * 1j + found.real - wanted) < 1e-4 * abs(wanted)))
 
 
 def find_onset(operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], formulation: Formulation) -> Onset:
