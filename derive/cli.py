@@ -222,12 +222,24 @@ def check(targets: tuple[str, ...], digits: int) -> int:
 @click.argument("target")
 @click.option("--out", default=None, help="Folder to write to (default: NAME-report).")
 @click.option("--digits", default=30, show_default=True, type=int)
-def reproduce(target: str, out: str | None, digits: int) -> int:
-    """The main job: derivation, emitted code, coefficients by every route and the comparison, in one folder."""
+@click.option("--quick", is_flag=True, help="Leave out the animation, the measurement of speed and the validation on the full problem.")
+def reproduce(target: str, out: str | None, digits: int, quick: bool) -> int:
+    """The main job: derivation, coefficients, comparison, states, figures and checks, in one folder with report.html."""
+    from derive.report import Settings
     from derive.report import reproduce as run
 
-    say: Callable[[str], None] = lambda text: click.echo(text, err=True) if sys.stderr.isatty() else None  # noqa: E731
-    return run(loaded(target), Path(out) if out else None, digits, say, click.echo)
+    settings = Settings(digits=digits, quick=quick)
+    problem = loaded(target)
+    with click.progressbar(length=len(settings.stages), label="derivation", file=sys.stderr, hidden=not sys.stderr.isatty(), width=24) as bar:
+        def say(stage: str) -> None:
+            bar.label = f"{stage:28}"
+            bar.update(0 if stage == "derivation" else 1)
+            bar.render_progress()
+
+        said: list[str] = []
+        status = run(problem, Path(out) if out else None, settings, say, said.append)
+    click.echo("\n".join(said))
+    return status
 
 
 @main.command()

@@ -1,0 +1,107 @@
+r"""Rows of LaTeX displays as tables of MathML: cut at the alignment, long lines broken at a sum.
+
+A row is what `derive.latex.Writer` returns: ``left &= right``, with continuations ``\\ &\quad more``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from html import escape
+
+from latex2mathml import converter, exceptions
+
+REFUSED = (*(one for one in vars(exceptions).values() if isinstance(one, type) and issubclass(one, Exception)), IndexError, KeyError)
+TOKEN = re.compile(r"\\(?:begin|end)\{[a-z*]+\}|\\[A-Za-z]+|\\.|\s+|.", re.DOTALL)
+LONGEST = 84
+"""Symbols on a line."""
+WIDEST_LEFT = 36
+
+
+def math(latex: str, block: bool = False) -> str:
+    """Return one formula as MathML; what cannot be rendered is shown as it is written."""
+    upright = re.sub(r"\\(?:mathrm|operatorname)\{([A-Za-z]+)\}", r"\\text{\1}", latex)
+    try:
+        text = converter.convert(upright, display="block" if block else "inline")
+    except REFUSED:
+        return f"<code>{escape(latex)}</code>"
+    text = re.sub(r'<mn mathvariant="bold">(\d)</mn>', lambda found: f"<mn>{chr(0x1D7CE + int(found[1]))}</mn>", text)
+    return text.replace("<mover>", '<mover accent="true">').replace(' xmlns="http://www.w3.org/1998/Math/MathML"', "")
+
+
+def tokens(latex: str) -> Iterator[tuple[str, int]]:
+    """Yield tokens with the depth of braces and environments outside of them."""
+    depth = 0
+    for token in TOKEN.findall(latex):
+        if token == "}" or token.startswith(r"\end{"):
+            depth -= 1
+        yield token, depth
+        if token == "{" or token.startswith(r"\begin{"):
+            depth += 1
+
+
+def cells(row: str) -> list[tuple[str, str]]:
+    """Return the lines of a row, each cut at its alignment."""
+    lines: list[list[str]] = [["", ""]]
+    column = 0
+    for token, depth in tokens(row):
+        if depth == 0 and token == r"\\":
+            lines.append(["", ""])
+            column = 0
+        elif depth == 0 and token == "&":
+            column = 1
+        else:
+            lines[-1][column] += token
+    return [(left.strip(), right.strip()) for left, right in lines]
+
+
+def width(latex: str) -> int:
+    """Return about how many symbols wide a formula is: of a fraction the wider part counts."""
+    latex = re.sub(r"\\(?:left|right|,|quad|mathbf|mathsf|mathrm|hat|bar|vec|tilde|begin\{[a-z]+\}(?:\{c+\})?|end\{[a-z]+\})", "", latex)
+    latex = re.sub(r"\\frac\{([^{}]*)\}\{([^{}]*)\}", lambda found: max(found[1], found[2], key=len), latex)
+    if "&" in latex:  # a matrix: its widest row
+        return max(map(width, latex.replace("&", " ").split(r"\\")))
+    return len(re.findall(r"\\[A-Za-z]+|[^\s{}^_]", latex))
+
+
+def broken(latex: str, longest: int = LONGEST) -> list[str]:
+    r"""Return a formula in lines, broken before + and - outside of braces; a \left ... \right that is cut is closed and opened again."""
+    if width(latex) <= longest:
+        return [latex]
+    lines, line, open_pairs, after = [], "", 0, ""
+    for token, depth in tokens(latex):
+        if after:
+            after, line = "", line + token
+            continue
+        if token in (r"\left", r"\right"):
+            open_pairs += 1 if token == r"\left" else -1
+            after = token
+        elif depth == 0 and token in "+-" and line and not re.search(r"(^|[(\[{=]|\\left\S|\\quad)\s*$", line) and width(line) > (0.45 + 0.15 * open_pairs) * longest:
+            lines.append(line.rstrip() + r" \right." * open_pairs)
+            line = r"\quad " + r"\left. " * open_pairs
+        line += token
+    return [*lines, line]
+
+
+def display(rows: Sequence[str], label: str) -> str:
+    """Return rows as a table that scrolls in its own box."""
+    body = "".join(table_row(left, right) for row in rows for left, right in cells(row))
+    return f'<div class="display" role="group" tabindex="0" aria-label="{escape(label)}"><table role="presentation">{body}</table></div>\n'
+
+
+def table_row(left: str, right: str) -> str:
+    """Return one line of a display as table rows."""
+    if not left and right.startswith(r"\text"):
+        return f'<tr><td colspan="2" class="words">{"".join(math(line, True) for line in broken(right))}</td></tr>'
+    lines = broken(right)
+    if width(left) > WIDEST_LEFT:
+        whole = broken(left)
+        if width(left) + width(right) <= LONGEST:
+            whole, lines = [f"{left} {right}"], []
+        rows = "".join(f'<tr><td colspan="2">{math(line, True)}</td></tr>' for line in whole)
+        return rows + "".join(f'<tr><td></td><td>{math(line, True)}</td></tr>' for line in lines)
+    rest = "".join(f"<tr><td></td><td>{math(line, True)}</td></tr>" for line in lines[1:])
+    return f'<tr><td class="left">{math(left, True) if left else ""}</td><td>{math(lines[0], True)}</td></tr>{rest}'
+
+
+__all__ = ["display", "math"]
