@@ -13,9 +13,9 @@ from latex2mathml import converter, exceptions
 
 REFUSED = (*(one for one in vars(exceptions).values() if isinstance(one, type) and issubclass(one, Exception)), IndexError, KeyError)
 TOKEN = re.compile(r"\\(?:begin|end)\{[a-z*]+\}|\\[A-Za-z]+|\\.|\s+|.", re.DOTALL)
-LONGEST = 84
-"""Symbols on a line."""
-WIDEST_LEFT = 36
+REPLACED = (("<mover>", '<mover accent="true">'), (' xmlns="http://www.w3.org/1998/Math/MathML"', ""), ("<mo>&#x0002F;</mo>", '<mo lspace="0" rspace="0">/</mo>'), ("&#x0007E;", "&#x002DC;"))
+WHOLE, SHORTEST, WIDEST_LEFT = 98, 48, 36
+"""Symbols on a line, on the shortest line that is broken, and left of the alignment."""
 
 
 def math(latex: str, block: bool = False) -> str:
@@ -26,7 +26,9 @@ def math(latex: str, block: bool = False) -> str:
     except REFUSED:
         return f"<code>{escape(latex)}</code>"
     text = re.sub(r'<mn mathvariant="bold">(\d)</mn>', lambda found: f"<mn>{chr(0x1D7CE + int(found[1]))}</mn>", text)
-    return text.replace("<mover>", '<mover accent="true">').replace(' xmlns="http://www.w3.org/1998/Math/MathML"', "")
+    for plain, right in REPLACED:
+        text = text.replace(plain, right)
+    return text
 
 
 def tokens(latex: str) -> Iterator[tuple[str, int]]:
@@ -64,7 +66,7 @@ def width(latex: str) -> int:
     return len(re.findall(r"\\[A-Za-z]+|[^\s{}^_]", latex))
 
 
-def broken(latex: str, longest: int = LONGEST) -> list[str]:
+def broken(latex: str, longest: int = WHOLE) -> list[str]:
     r"""Return a formula in lines, broken before + and - outside of braces; a \left ... \right that is cut is closed and opened again."""
     if width(latex) <= longest:
         return [latex]
@@ -85,23 +87,23 @@ def broken(latex: str, longest: int = LONGEST) -> list[str]:
 
 def display(rows: Sequence[str], label: str) -> str:
     """Return rows as a table that scrolls in its own box."""
-    body = "".join(table_row(left, right) for row in rows for left, right in cells(row))
+    lines = [one for row in rows for one in cells(row)]
+    widest = max((width(left) for left, _ in lines if width(left) <= WIDEST_LEFT), default=0)
+    body = "".join(table_row(left, right, max(SHORTEST, WHOLE - widest)) for left, right in lines)
     return f'<div class="display" role="group" tabindex="0" aria-label="{escape(label)}"><table role="presentation">{body}</table></div>\n'
 
 
-def table_row(left: str, right: str) -> str:
+def table_row(left: str, right: str, longest: int) -> str:
     """Return one line of a display as table rows."""
     if not left and right.startswith(r"\text"):
         return f'<tr><td colspan="2" class="words">{"".join(math(line, True) for line in broken(right))}</td></tr>'
-    lines = broken(right)
     if width(left) > WIDEST_LEFT:
-        whole = broken(left)
-        if width(left) + width(right) <= LONGEST:
-            whole, lines = [f"{left} {right}"], []
+        whole, lines = ([f"{left} {right}"], []) if width(left) + width(right) <= WHOLE else (broken(left), broken(right, longest))
         rows = "".join(f'<tr><td colspan="2">{math(line, True)}</td></tr>' for line in whole)
-        return rows + "".join(f'<tr><td></td><td>{math(line, True)}</td></tr>' for line in lines)
-    rest = "".join(f"<tr><td></td><td>{math(line, True)}</td></tr>" for line in lines[1:])
-    return f'<tr><td class="left">{math(left, True) if left else ""}</td><td>{math(lines[0], True)}</td></tr>{rest}'
+        return rows + "".join(f"<tr><td></td><td>{math(line, True)}</td></tr>" for line in lines)
+    first, *rest = broken(right, longest)
+    rows = "".join(f"<tr><td></td><td>{math(line, True)}</td></tr>" for line in rest)
+    return f'<tr><td class="left">{math(left, True) if left else ""}</td><td>{math(first, True)}</td></tr>{rows}'
 
 
 __all__ = ["display", "math"]

@@ -35,8 +35,8 @@ def verdict(agrees: bool, text: str = "") -> Markup:
 
 
 def number(text: str) -> Markup:
-    """Return a number in figures of equal width that may break every ten digits."""
-    text = re.sub(r"([0-9]{10})(?=[0-9])", r"\1<wbr>", escape(text.replace("-", chr(0x2212))))
+    """Return a number in figures of equal width that may break every 16 digits."""
+    text = re.sub(r"([0-9]{16})(?=[0-9])", r"\1<wbr>", escape(text.replace("-", chr(0x2212))))
     return Markup(f'<span class="number">{text}</span>')
 
 
@@ -99,7 +99,7 @@ h1 { font-size: 1.7rem; line-height: 1.2; margin: .5rem 0; }
 h2 { font-size: 1.35rem; margin: 2.4rem 0 .6rem; padding-top: .6rem; border-top: 1px solid var(--line); }
 h3 { font-size: 1.08rem; margin: 1.6rem 0 .4rem; }
 p { max-width: 46rem; margin: .6rem 0; }
-nav ol { margin: 0; padding-left: 1.4rem; }
+nav ol { margin: 0; padding-left: 2rem; }
 nav li { margin: .15rem 0; }
 .display, .scroll, .paper { overflow-x: auto; max-width: 100%; }
 .display { margin: .7rem 0; padding: .5rem .8rem; background: var(--panel); border-radius: 6px; }

@@ -25,7 +25,7 @@ class Entry:
         if r"\math" not in self.latex:
             text = re.sub(r"\\math[a-z]+\{\w+\}|\^\{?T\}?", " ", text)
         text = re.sub(r"\\text\{[^{}]*\}|\\(?:begin|end)\{[a-z]+\}", " ", text)
-        return re.search(r"(?<![A-Za-z\\])" + re.escape(self.latex) + r"(?![A-Za-z])", text) is not None
+        return re.search(r"(?<![A-Za-z\\])" + re.escape(self.latex) + r"(?![A-Za-z]|\}_)", text) is not None
 
 
 def symbols_of(writer: Writer) -> tuple[Entry, ...]:
