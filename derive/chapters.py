@@ -20,9 +20,9 @@ LEADS = {
     "amplitude": "The amplitude equation in original time, without a small parameter, and its coefficients as quadratures: solvability of the order at which the amplitude equation arises.",
 }
 CAPTIONS = {
-    "growth": "Growth rate and frequency of the leading perturbations of the base state against the control.", "mode": "The critical mode over one period, or its shape when steady.",
-    "bifurcation": "Bifurcation diagram: solid lines are stable states, broken lines unstable ones.", "transients": "Transients of the amplitude equation from several initial amplitudes, with their envelopes.",
-    "approach": "The approach to the states.", "decay": "Decay at the threshold, with its algebraic asymptotes.", "spacetime": "The field in space and time.",
+    "growth": "Growth rate and frequency of the leading perturbations of the base state against the control.", "mode": "The critical mode, real and imaginary parts where it is complex.",
+    "bifurcation": "Bifurcation diagram: solid lines are stable states, broken lines unstable ones.", "transients": "Transients of the amplitude equation, with their envelopes where they oscillate.",
+    "approach": "The approach to the states that bifurcate.", "decay": "Decay at the threshold, with its algebraic asymptotes.", "spacetime": "The field in space and time.",
 }
 
 
@@ -53,7 +53,8 @@ def derivation_chapters(writer: Writer) -> list[Chapter]:
 def facts(writer: Writer) -> str:
     """Return the rest of the statement: intervals, parameters, normalisation."""
     notation, formulation = writer.notation, writer.formulation
-    rows: list[tuple[object, object]] = [("control, and where to look for the threshold", Markup(math(rf"{notation.control}, \quad {tex(formulation.control_range[0])} \text{{ to }} {tex(formulation.control_range[1])}")))]
+    low, high = map(tex, formulation.control_range)
+    rows: list[tuple[object, object]] = [("control, and where to look for the threshold", Markup(math(rf"{notation.control}, \quad {low} \text{{ to }} {high}")))]
     if formulation.interval is not None:
         rows.append(("interval", Markup(math(rf"{tex(formulation.interval[0])} \leq {notation.space} \leq {tex(formulation.interval[1])}"))))
     rows += [("parameter", Markup(math(f"{notation.names[symbol]} = {tex(value)}"))) for symbol, value in formulation.parameters.items()]
@@ -111,12 +112,14 @@ def comparison_chapter(comparison: Any, reason: str) -> Chapter:
     """Return computed beside published values, and the misprints."""
     if comparison is None:
         return Chapter(identifier="comparison", title="Comparison with published values", body=left_out(reason or "no published values are known for this problem."))
-    rows = [(one.name, number(one.printed), number(one.computed), verdict(one.agrees, f"agrees, {one.digits} digits" if one.agrees else ""), one.label + (f" ({one.caveat})" if one.caveat else "")) for one in comparison.lines]
+    rows = [(one.name, number(one.printed), number(one.computed), verdict(one.agrees, f"agrees, {one.digits} digits" if one.agrees else ""), f"{one.label} ({one.caveat})" if one.caveat else one.label)
+            for one in comparison.lines]
     text = paragraph("A number agrees if it lies within half a unit of the last printed digit.")
     text += table("Published and computed", ("quantity", "printed", "computed", "", "source"), rows)
     if comparison.misprints:
         text += f"<h3>Misprints in the source ({len(comparison.misprints)})</h3>\n"
-        text += table("Misprints", ("place", "printed", "right", "why"), [tuple(Markup(escape(one[key])) for key in ("label", "printed", "right", "why")) for one in comparison.misprints])
+        found = [(one["label"], *(Markup(f"<code>{escape(one[key])}</code>") for key in ("printed", "right")), one["why"]) for one in comparison.misprints]
+        text += table("Misprints", ("place", "printed", "right", "why"), found)
     return Chapter(identifier="comparison", title="Comparison with published values", body=text)
 
 
@@ -145,15 +148,21 @@ def numbers_of_states(numbers: Any) -> str:
         if not one.exists:
             rows.append((one.name, "does not exist here", "", "", "", one.criticality or ""))
             continue
-        values = Markup("<br>".join(f"{number(value.re).html}{'' if value.im == '0' else ' + ' + number(value.im).html + ' i'} {escape(value.direction)}{escape(f' (neutral: {value.neutral})' if value.neutral else '')}"
-                                    for value in one.eigenvalues))
-        stable = {True: verdict(True, "stable"), False: verdict(False, "unstable"), None: "undecided"}[one.stable]
+        values = Markup("".join(f'<span class="line">{eigenvalue(value).html} {escape(value.direction)}{escape(f" (neutral: {value.neutral})" if value.neutral else "")}</span>' for value in one.eigenvalues))
+        stable = {True: "stable", False: "unstable", None: "undecided"}[one.stable]
         rows.append((one.name, stable, number(one.amplitude_squared), number(one.peak), number(one.frequency_correction), values))
     text += table("States, to the digits shown", ("state", "stability", "|A| squared", "largest displacement", "frequency correction", "eigenvalues"), rows)
-    laws = [(law.perturbation or "any", {True: f"|A| ~ {law.prefactor} t^({law.exponent})", False: f"|A| ~ {law.prefactor} (t* - t)^({law.exponent}), infinite at a finite t*", None: "decided by the next order"}[law.decays])
-            for law in numbers.at_threshold]
+    laws = []
+    for law in numbers.at_threshold:
+        grows = f"|A| ~ {law.prefactor} (t* - t)^({law.exponent}), infinite at a finite t*"
+        laws.append((law.perturbation or "any", {True: f"|A| ~ {law.prefactor} t^({law.exponent})", False: grows, None: "decided by the next order"}[law.decays]))
     text += table("At the threshold", ("perturbation", "law"), laws) if laws else ""
     return text + "".join(f'<p class="note">{escape(one)}</p>\n' for one in numbers.warnings)
+
+
+def eigenvalue(value: Any) -> Markup:
+    """Return a complex number."""
+    return number(value.re if value.im == "0" else f"{value.re} {'-' if value.im.startswith('-') else '+'} {value.im.lstrip('-')} i")
 
 
 def figure_chapter(drawings: Mapping[str, str], reasons: Mapping[str, str]) -> Chapter:
@@ -168,8 +177,13 @@ def speed_chapter(measurements: Sequence[Any], diagram: str, reason: str) -> Cha
     title = "Speed against error"
     if not measurements:
         return Chapter(identifier="speed", title=title, body=left_out(reason))
-    rows = [(one.route, f"{1000 * one.warm:.3g} ms", f"{one.true_error:.1e}", "none" if one.claimed_error is None else f"{one.claimed_error:.1e}", verdict(not one.failures, "; ".join(one.failures) or "claim holds" if one.claimed_error is not None else "no claim"))
-            if not one.refusal else (one.route, Markup(f"left out: {escape(one.refusal)}"), "", "", "") for one in measurements]
+    rows: list[Sequence[object]] = []
+    for one in measurements:
+        if one.refusal:
+            rows.append((one.route, f"left out: {one.refusal}", "", "", ""))
+            continue
+        holds = verdict(not one.failures, "; ".join(one.failures) or "claim holds") if one.claimed_error is not None else ""
+        rows.append((one.route, f"{1000 * one.warm:.3g} ms", f"{one.true_error:.1e}", "none" if one.claimed_error is None else f"{one.claimed_error:.1e}", holds))
     text = figure("speed", diagram, "Speed against error: largest relative error of threshold and coefficients (filled), and the error that is claimed (hollow).")
     return Chapter(identifier="speed", title=title, body=text + table("Routes", ("route", "time", "true error", "claimed error", ""), rows))
 
@@ -179,7 +193,8 @@ def validation_chapter(validation: Any, reason: str) -> Chapter:
     title = "Validation against the full problem"
     if validation is None:
         return Chapter(identifier="validation", title=title, body=left_out(reason))
-    text = paragraph("The full nonlinear problem is solved by another code from the same statement; near the threshold its states are extrapolated to zero amplitude. Nothing of the derivation enters but the start of Newton's method.")
+    text = paragraph("The full nonlinear problem is solved by other code from the same statement; near the threshold its states are extrapolated to zero amplitude. "
+                     "Nothing of the derivation enters but the start of Newton's method.")
     data = validation.as_dict()
     rows = [(one["name"], complex_number(one["derived"]), complex_number(one["measured"]), verdict(one["agrees"], f"{one['digits']} digits agree"), one["source"]) for one in data["checks"]]
     text += table("Derived and measured", ("quantity", "derived", "measured", "", "from"), rows)
@@ -199,7 +214,7 @@ def complex_number(parts: Mapping[str, str]) -> Markup:
 
 def confirmation_chapter(rows: Sequence[tuple[str, str, bool | None, str]], seconds: Mapping[str, float]) -> Chapter:
     """Return how each result was confirmed, and what every stage cost."""
-    lines = [(what, how, verdict(agrees) if agrees is not None else "not done here", Markup(f'<a href="#{place}">there</a>')) for what, how, agrees, place in rows]
+    lines = [(what, how, verdict(agrees) if agrees is not None else "not done here", Markup(f'<a href="#{place}">{place}</a>')) for what, how, agrees, place in rows]
     text = table("How each result was confirmed", ("result", "by", "", "see"), lines)
     costs = [(name, f"{value:.2f} s") for name, value in seconds.items()]
     return Chapter(identifier="confirmation", title="How each result was confirmed", body=text + folded("Processor time of every stage", table("Processor time", ("stage", "time"), costs)))

@@ -665,7 +665,7 @@ class Writer:
         notation, condition = self.notation, self.reduction.solvability
         terms: list[tuple[str, str]] = []
         if not self.ends:
-            return joined(notation.sum(notation.inlined(sign * one.integrand)), 6)
+            return joined(notation.sum(notation.inlined(sign * one.integrand)), 99)  # it stands inside braces, which may not be cut
         restricted = self.restricted
         scalar = self.scalar
         odd = {row for row, parity in zip(restricted.rows, restricted.row_parity, strict=True) if parity < 0} if restricted is not None and notation.vector else set()

@@ -11,9 +11,13 @@ from html import escape
 
 from latex2mathml import converter, exceptions
 
-REFUSED = (*(one for one in vars(exceptions).values() if isinstance(one, type) and issubclass(one, Exception)), IndexError, KeyError)
+REFUSED: tuple[type[Exception], ...] = (*(one for one in vars(exceptions).values() if isinstance(one, type) and issubclass(one, Exception)), IndexError, KeyError)
 TOKEN = re.compile(r"\\(?:begin|end)\{[a-z*]+\}|\\[A-Za-z]+|\\.|\s+|.", re.DOTALL)
-REPLACED = (("<mover>", '<mover accent="true">'), (' xmlns="http://www.w3.org/1998/Math/MathML"', ""), ("<mo>&#x0002F;</mo>", '<mo lspace="0" rspace="0">/</mo>'), ("&#x0007E;", "&#x002DC;"))
+REPLACED = (
+    (' xmlns="http://www.w3.org/1998/Math/MathML"', ""), ("<mover>", '<mover accent="true">'), ("<mi>&#x0007E;</mi>", "<mo>&#x0223C;</mo>"), ("&#x0007E;", "&#x002DC;"),
+    ("<mo>&#x0002F;</mo>", '<mo lspace="0" rspace="0">/</mo>'), ('<mo stretchy="false">&#x0007C;</mo>', '<mo stretchy="false" lspace="0" rspace="0">&#x0007C;</mo>'),
+)
+"""What browsers want otherwise: accents over letters, relations, no space about a slash and a bar."""
 WHOLE, SHORTEST, WIDEST_LEFT = 98, 48, 36
 """Symbols on a line, on the shortest line that is broken, and left of the alignment."""
 
@@ -26,6 +30,7 @@ def math(latex: str, block: bool = False) -> str:
     except REFUSED:
         return f"<code>{escape(latex)}</code>"
     text = re.sub(r'<mn mathvariant="bold">(\d)</mn>', lambda found: f"<mn>{chr(0x1D7CE + int(found[1]))}</mn>", text)
+    text = re.sub(r"(<mi>(?:sin|cos|tan|sinh|cosh|tanh|exp|log|ln)</mi>)(?=<m[in]>)", r'\1<mspace width="0.167em" />', text)
     for plain, right in REPLACED:
         text = text.replace(plain, right)
     return text
@@ -43,16 +48,18 @@ def tokens(latex: str) -> Iterator[tuple[str, int]]:
 
 
 def cells(row: str) -> list[tuple[str, str]]:
-    """Return the lines of a row, each cut at its alignment."""
+    r"""Return the lines of a row, each cut at its alignment; a \left ... \right that goes on is closed and opened again."""
     lines: list[list[str]] = [["", ""]]
-    column = 0
+    column = open_pairs = 0
     for token, depth in tokens(row):
         if depth == 0 and token == r"\\":
-            lines.append(["", ""])
+            lines[-1][column] += r" \right." * open_pairs
+            lines.append(["", r"\left. " * open_pairs])
             column = 0
         elif depth == 0 and token == "&":
             column = 1
         else:
+            open_pairs += (token == r"\left") - (token == r"\right")
             lines[-1][column] += token
     return [(left.strip(), right.strip()) for left, right in lines]
 
@@ -93,10 +100,16 @@ def display(rows: Sequence[str], label: str) -> str:
     return f'<div class="display" role="group" tabindex="0" aria-label="{escape(label)}"><table role="presentation">{body}</table></div>\n'
 
 
+def words(latex: str) -> str:
+    """Return a sentence with formulas in it, which breaks like one."""
+    parts = re.split(r"\\text\{([^{}]*)\}", latex)
+    return "".join(escape(part) if k % 2 else math(part.strip()) if part.strip() else " " for k, part in enumerate(parts))
+
+
 def table_row(left: str, right: str, longest: int) -> str:
     """Return one line of a display as table rows."""
     if not left and right.startswith(r"\text"):
-        return f'<tr><td colspan="2" class="words">{"".join(math(line, True) for line in broken(right))}</td></tr>'
+        return f'<tr><td colspan="2" class="words">{words(right)}</td></tr>'
     if width(left) > WIDEST_LEFT:
         whole, lines = ([f"{left} {right}"], []) if width(left) + width(right) <= WHOLE else (broken(left), broken(right, longest))
         rows = "".join(f'<tr><td colspan="2">{math(line, True)}</td></tr>' for line in whole)

@@ -35,8 +35,8 @@ def verdict(agrees: bool, text: str = "") -> Markup:
 
 
 def number(text: str) -> Markup:
-    """Return a number in figures of equal width that may break every 16 digits."""
-    text = re.sub(r"([0-9]{16})(?=[0-9])", r"\1<wbr>", escape(text.replace("-", chr(0x2212))))
+    """Return a number in figures of equal width that may break every 20 digits."""
+    text = re.sub(r"([0-9]{20})(?=[0-9]{4})", r"\1<wbr>", escape(text.replace("-", chr(0x2212))))
     return Markup(f'<span class="number">{text}</span>')
 
 
@@ -66,11 +66,11 @@ def folded(summary: str, body: str) -> str:
 def figure(name: str, svg: str, caption: str) -> str:
     """Return a figure: an SVG document with identifiers of its own, scaled to the page."""
     body = svg[svg.index("<svg"):]
-    body = re.sub(r"<metadata>.*?</metadata>\s*|<style[^>]*>.*?</style>\s*", "", body, flags=re.DOTALL)
+    body = re.sub(r"<metadata>.*?</metadata>\s*|<style[^>]*>.*?</style>\s*|<!--.*?-->\s*", "", body, flags=re.DOTALL)
     body = re.sub(r'\bid="([^"]*)"', rf'id="{name}-\1"', body)
     body = re.sub(r'(xlink:href="#|url\(#)', rf"\g<1>{name}-", body)
     body = re.sub(r'(<svg[^>]*?) width="([0-9.]+)pt" height="[0-9.]+pt"',
-                  rf'\1 class="drawing" role="img" aria-label="{escape(caption)}" style="stroke-linejoin:round;stroke-linecap:butt;max-width:\2pt"', body, count=1)
+                  rf'\1 class="drawing" role="img" aria-label="{escape(caption)}" style="stroke-linejoin:round;stroke-linecap:butt;width:\2pt;min-width:min(34rem,\2pt)"', body, count=1)
     return f'<figure id="figure-{name}"><div class="paper" tabindex="0" role="group" aria-label="{escape(name)}">{body}</div><figcaption>{escape(caption)}</figcaption></figure>\n'
 
 
@@ -106,13 +106,14 @@ nav li { margin: .15rem 0; }
 .display td { padding: .16rem 0; vertical-align: baseline; white-space: nowrap; }
 .display td.left { text-align: right; }
 .display math { display: inline math; math-style: normal; }
-.display td.words math { display: block math; text-align: left; margin: 0; }
+.display td.words { white-space: normal; min-width: min(44rem, 80vw); max-width: 46rem; padding: .4rem 0; }
+.line { display: block; white-space: nowrap; }
 math { font-size: 1.08em; }
 table.data { border-collapse: collapse; margin: .7rem 0; font-size: .94rem; }
 table.data caption { text-align: left; color: var(--soft); padding-bottom: .3rem; }
 table.data th, table.data td { text-align: left; vertical-align: top; padding: .3rem .9rem .3rem 0; border-bottom: 1px solid var(--line); }
 table.data tbody th { font-weight: 600; }
-.number { font-variant-numeric: tabular-nums; font-family: ui-monospace, "SF Mono", Menlo, Consolas, monospace; font-size: .92em; }
+.number { font-variant-numeric: tabular-nums; font-family: ui-monospace, "SF Mono", Menlo, Consolas, monospace; font-size: .92em; white-space: nowrap; }
 .good { color: var(--good); white-space: nowrap; }
 .bad { color: var(--bad); font-weight: 700; white-space: nowrap; }
 .note { color: var(--soft); border-left: 3px solid var(--line); padding-left: .8rem; }
@@ -120,8 +121,8 @@ table.data tbody th { font-weight: 600; }
 .where a { margin-right: .7rem; white-space: nowrap; }
 figure { margin: 1.2rem 0 1.8rem; max-width: 100%; }
 figcaption { color: var(--soft); font-size: .92rem; margin-top: .4rem; max-width: 46rem; }
-.paper { background: #fff; padding: .6rem; border-radius: 6px; border: 1px solid var(--line); }
-svg.drawing { display: block; width: 100%; min-width: 34rem; height: auto; }
+.paper { width: fit-content; background: #fff; padding: .6rem; border-radius: 6px; border: 1px solid var(--line); }
+svg.drawing { display: block; max-width: 100%; height: auto; }
 figure.approach canvas { width: 100%; max-width: 34rem; height: auto; touch-action: none; background: var(--panel); border-radius: 6px; }
 figure.approach input { vertical-align: middle; max-width: 50%; }
 pre { overflow-x: auto; padding: .8rem; background: var(--panel); border-radius: 6px; font-size: .82rem; line-height: 1.4; }
@@ -141,7 +142,8 @@ summary { cursor: pointer; color: var(--link); }
   .display { padding: 0; font-size: 7pt; }
   h2, h3 { break-after: avoid; }
   figure, tr { break-inside: avoid; }
-  svg.drawing { min-width: 0; }
+  svg.drawing { min-width: 0 !important; }
+  details::details-content { display: block; content-visibility: visible; }
 }
 """
 

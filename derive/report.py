@@ -29,8 +29,8 @@ FAILURES = (DerivationError, EvaluationError, ArithmeticError, ValueError, Impor
 """What may keep an optional part from the report: it then holds the reason."""
 ROUTES = ("closed", "chebyshev", "quadrature", "certified")
 DRAWINGS = ("growth", "mode", "bifurcation", "transients", "approach", "decay", "spacetime")
-MEASURED = ("NumPy doubles", "NumPy doubles, batched", "closed in flint", "certified balls", "chebyshev, fixed nodes", "Gauss-Legendre, fixed nodes")
-"""Families of routes whose speed is measured in a report; `fredholm bench` measures all."""
+MEASURED = ("double, one", "closed, ", "certified, 15 ", "certified, 100 ", *(f"{family}, {nodes} nodes" for family in ("chebyshev", "quadrature") for nodes in (8, 12, 16, 24)))
+"""How the names of the routes begin whose speed a report measures: those that take little time; `fredholm bench` measures all."""
 QUICK = "--quick was asked for"
 Value = TypeVar("Value")
 
@@ -46,7 +46,7 @@ class Settings:
     def stages(self) -> tuple[str, ...]:
         """Return the stages in the order in which they are run."""
         slow = () if self.quick else ("animation", "speed", "validation")
-        return ("derivation", *(f"coefficients, {route}" for route in ROUTES), "comparison", "states", "spectrum", *(f"figure {name}" for name in DRAWINGS), *slow, "files")
+        return ("derivation", *(f"coefficients, {route}" for route in ROUTES), "comparison", "states", "numbers of the states", "spectrum", *(f"figure {name}" for name in DRAWINGS), *slow, "files")
 
 
 class Stages:
@@ -64,7 +64,7 @@ class Stages:
         try:
             return function()
         finally:
-            self.seconds[name] = time.process_time() - started
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.process_time() - started
 
     def attempt(self, name: str, function: Callable[[], Value]) -> Value | None:
         """Return what a stage gives, or None with the reason kept."""
@@ -166,7 +166,7 @@ def gather(derivation: Derivation, settings: Settings, stages: Stages) -> Findin
     reference = reference_of(derivation.problem.name)
     comparison = stages.attempt("comparison", lambda: compared(derivation, best, reference) if reference else None)
     states = stages.attempt("states", lambda: derive_states(derivation))
-    numbers = stages.attempt("states", lambda: evaluate_states(emitted, states.emit(), "1", min(settings.digits, 15))) if states else None
+    numbers = stages.attempt("numbers of the states", lambda: evaluate_states(emitted, states.emit(), "1", min(settings.digits, 12))) if states else None
     drawings = drawings_of(derivation, emitted, stages)
     animation = diagram = validation = None
     measurements: list[Any] = []
@@ -203,7 +203,7 @@ def drawings_of(derivation: Derivation, emitted: str, stages: Stages) -> dict[st
 
         return saved(draw(case_of(emitted), name, found), "svg").decode("utf-8")
 
-    found = stages.attempt("spectrum", spectra)
+    found = stages.attempt("spectrum", spectra) if "growth" in DRAWINGS else None
     drawings = {name: stages.attempt(f"figure {name}", lambda name=name: drawn(name)) for name in DRAWINGS}  # type: ignore[misc]
     return {name: svg for name, svg in drawings.items() if svg is not None}
 
@@ -224,7 +224,7 @@ def speed_of(name: str, emitted: str) -> tuple[list[Any], str]:
     from numerics import bench
 
     reference, _ = bench.reference_of(emitted)
-    measurements = [bench.measure(name, route, reference) for route in bench.routes_of(emitted, True) if route.family in MEASURED]
+    measurements = [bench.measure(name, route, reference) for route in bench.routes_of(emitted, True) if route.name.startswith(MEASURED)]
     return measurements, bench.diagram(name, measurements, "svg").decode("utf-8")
 
 
@@ -322,7 +322,7 @@ def html_of(findings: Findings) -> str:
         *chapters.derivation_chapters(writer),
         chapters.coefficient_chapter(writer, findings.results, findings.agreement, routes, findings.digits),
         chapters.comparison_chapter(findings.comparison, reasons.get("comparison", "")),
-        chapters.states_chapter(findings.states, findings.numbers, reasons.get("states", ""), writer),
+        chapters.states_chapter(findings.states, findings.numbers, reasons.get("states", reasons.get("numbers of the states", "")), writer),
         chapters.figure_chapter(findings.drawings, undrawn),
         Chapter(identifier="animation", title="Animation", body=str(fragment) if fragment else left_out(reasons["animation"])),
         chapters.speed_chapter(findings.measurements, findings.diagram, reasons.get("speed", "")),

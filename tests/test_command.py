@@ -51,12 +51,6 @@ def test_derive_writes_and_check_shows_a_difference(tmp_path):
     assert done.exit_code == 1 and "mu*B" in done.stdout
 
 
-def test_reproduce_writes_a_folder(tmp_path):
-    done = run("reproduce", "van_der_pol", "--out", str(tmp_path / "report"))
-    assert done.exit_code == 0
-    assert {path.name for path in (tmp_path / "report").iterdir()} == {"van_der_pol.py", "van_der_pol.tex", "coefficients.json", "summary.txt"}
-
-
 @pytest.mark.parametrize("part", ["statement", "orders", "adjoint", "solvability", "amplitude", "all"])
 def test_latex_of_every_part(part):
     for target in ("follower_force", "van_der_pol"):
