@@ -6,6 +6,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
+from html import escape
 from importlib import resources
 from typing import Any
 
@@ -49,6 +50,13 @@ class Comparison:
         for misprint in self.misprints:
             out.append(f"  misprint in {misprint['label']}: printed {misprint['printed']}; right is {misprint['right']}: {misprint['why']}")
         return "\n".join(out)
+
+    def __repr__(self) -> str:
+        return self.text()
+
+    def _repr_html_(self) -> str:
+        rows = "".join(f"<tr><th>{escape(line.name)}</th><td>{line.printed}</td><td>{line.computed}</td><td>{'agrees' if line.agrees else 'DISAGREES'}</td><td>{escape(line.label)}</td></tr>" for line in self.lines)
+        return f"<table><tr><th></th><th>printed</th><th>computed</th><th></th><th>source</th></tr>{rows}</table>"
 
     def as_dict(self) -> dict[str, Any]:
         """Return the comparison as plain data."""

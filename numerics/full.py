@@ -85,6 +85,9 @@ class FullState:
         lines.append(f"  relative error {self.error:.1e}, {self.nodes} nodes" + (f", {self.harmonics} harmonics" if self.harmonics else "") + f", {self.seconds:.2f} s")
         return "\n".join(lines)
 
+    def __repr__(self) -> str:
+        return self.text()
+
 
 def decimal(value: float, error: float) -> str:
     """Return a number with the digits that its relative error allows."""
