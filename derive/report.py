@@ -26,7 +26,8 @@ from numerics.precision import EvaluationError
 from numerics.states import StatesResult, evaluate_states
 
 FAILURES = (DerivationError, EvaluationError, ArithmeticError, ValueError, ImportError)
-"""What may keep an optional part from the report: it then holds the reason."""
+"""What may keep an optional part from the report: it then holds the reason. Anything else is a fault of the program, shown too, and no agreement."""
+FAULT = "internal error: "
 ROUTES = ("closed", "chebyshev", "quadrature", "certified")
 DRAWINGS = ("growth", "mode", "bifurcation", "transients", "approach", "decay", "spacetime")
 MEASURED = ("double, one", "closed, ", "certified, 15 ", "certified, 100 ", *(f"{family}, {nodes} nodes" for family in ("chebyshev", "quadrature") for nodes in (8, 12, 16, 24)))
@@ -70,8 +71,9 @@ class Stages:
         """Return what a stage gives, or None with the reason kept."""
         try:
             return self.run(name, function)
-        except FAILURES as reason:
-            self.reasons[name] = " ".join(str(reason).split()) or type(reason).__name__
+        except Exception as reason:
+            said = " ".join(str(reason).split()) or type(reason).__name__
+            self.reasons[name] = said if isinstance(reason, FAILURES) else f"{FAULT}{type(reason).__name__}: {said}"
             return None
 
 
@@ -109,8 +111,8 @@ class Findings:
     @property
     def agrees(self) -> bool:
         """Tell whether nothing disagrees; what was left out does not."""
-        claims = not any(one.failures for one in self.measurements)
-        return self.routes_agree and claims and all(one is None or one.agrees for one in (self.comparison, self.validation))
+        sound = not any(one.failures for one in self.measurements) and not any(reason.startswith(FAULT) for reason in self.reasons.values())
+        return self.routes_agree and sound and all(one is None or one.agrees for one in (self.comparison, self.validation))
 
 
 def agreeing_digits(one: Result, other: Result) -> int:

@@ -141,6 +141,12 @@ def test_a_part_that_fails_shows_its_reason_and_a_disagreement_is_status_1(tmp_p
     assert done.exit_code == 1 and "Something DISAGREES" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
+def test_a_fault_of_the_program_is_shown_and_is_status_1(tmp_path, monkeypatch, no_figures):
+    monkeypatch.setattr("derive.report.evaluate_states", lambda *arguments: {}["nothing"])
+    done = CliRunner().invoke(main, ["reproduce", "van_der_pol", "--quick", "--out", str(tmp_path)])
+    assert done.exit_code == 1 and "internal error: KeyError" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
 def test_rows_are_cut_at_their_alignment_only():
     row = r"\left(\begin{array}{cc} a & b \\ c & d \end{array}\right) x &= \frac{1}{2} y \\" "\n" r"&\quad + z"
     assert cells(row) == [(r"\left(\begin{array}{cc} a & b \\ c & d \end{array}\right) x", r"= \frac{1}{2} y"), ("", r"\quad + z")]

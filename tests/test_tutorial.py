@@ -4,7 +4,6 @@ import asyncio
 import json
 
 import pytest
-
 from conftest import ROOT
 
 PATH = ROOT / "tests" / "tutorial.ipynb"
