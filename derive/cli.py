@@ -238,6 +238,7 @@ def reproduce(target: str, out: str | None, digits: int, quick: bool) -> int:
 
         said: list[str] = []
         status = run(problem, Path(out) if out else None, settings, say, said.append)
+        bar.update(1)
     click.echo("\n".join(said))
     return status
 

@@ -44,7 +44,7 @@ def table(caption: str, head: Sequence[object], rows: Iterable[Sequence[object]]
     """Return a table, the first column its row headers, that scrolls in its own box."""
     columns = "".join(f'<th scope="col">{cell(one)}</th>' for one in head)
     lines = "".join('<tr><th scope="row">' + cell(row[0]) + "</th>" + "".join(f"<td>{cell(one)}</td>" for one in row[1:]) + "</tr>\n" for row in rows)
-    return (f'<div class="scroll" role="region" tabindex="0" aria-label="{escape(caption)}"><table class="data"><caption>{escape(caption)}</caption>'
+    return (f'<div class="scroll" role="region" tabindex="0" aria-label="{escape(caption)}"><table class="data{" wide" if len(head) > 3 else ""}"><caption>{escape(caption)}</caption>'
             f"<thead><tr>{columns}</tr></thead>\n<tbody>{lines}</tbody></table></div>\n")
 
 
@@ -112,6 +112,7 @@ math { font-size: 1.08em; }
 table.data { border-collapse: collapse; margin: .7rem 0; font-size: .94rem; }
 table.data caption { text-align: left; color: var(--soft); padding-bottom: .3rem; }
 table.data th, table.data td { text-align: left; vertical-align: top; padding: .3rem .9rem .3rem 0; border-bottom: 1px solid var(--line); }
+table.wide td:last-child { min-width: 12rem; }
 table.data tbody th { font-weight: 600; }
 .number { font-variant-numeric: tabular-nums; font-family: ui-monospace, "SF Mono", Menlo, Consolas, monospace; font-size: .92em; white-space: nowrap; }
 .good { color: var(--good); white-space: nowrap; }

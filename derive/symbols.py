@@ -98,8 +98,11 @@ def of_the_amplitude_equation(writer: Writer) -> list[tuple[str, str, str]]:
     entries = [(symbols[one.identifier], f"coefficient of {one.monomial}", "amplitude") for one in listed]
     entries += [(r"\mu", "distance of the control to the threshold", "amplitude"), (notation.symbol["xi"], "product of mode and adjoint, by which the coefficients are divided", "amplitude")]
     bar = rf"\bar{{{notation.amplitude}}}"
-    return [*entries, (bar, "amplitude of a state", "states"), (r"\nu", "frequency correction of a state", "states"), (r"\sigma", "growth rate of a perturbation of a state", "states"),
-            (r"\vartheta", "phase of a state", "states"), (r"\mathbf{e}", "unit vector normal to the axis", "states"), (r"\mathbf{B}", "area vector of the ellipse, A* x A", "states")]
+    entries += [(bar, "amplitude of a state", "states"), (r"\nu", "frequency correction of a state", "states"), (r"\sigma", "growth rate of a perturbation of a state", "states"),
+                (r"\vartheta", "phase of a state", "states")]
+    if notation.vector:
+        entries += [(r"\mathbf{e}", "unit vector normal to the axis", "states"), (r"\mathbf{B}", "area vector of the ellipse, A* x A", "states")]
+    return entries
 
 
 __all__ = ["Entry", "symbols_of"]
