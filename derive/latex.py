@@ -649,8 +649,8 @@ class Writer:
         listed = list(reduction.coefficients)
         symbols = coefficient_symbols(listed)
         a = notation.amplitude
-        terms = added([("+", f"{symbols[one.identifier]} {monomial_text(one.monomial, a, notation.symbol['small'])}") for one in listed])
-        rows = [rf"\frac{{\mathrm{{d}} {a}}}{{\mathrm{{d}} t}} &= {joined(terms, 5)}", rf"\mu &= {notation.control} - {{{notation.control}}}_{{c}}"]
+        terms = added([("+", f"{symbols[one.identifier]} {monomial_text(one.monomial, a, notation.symbol['small'], notation.distance)}") for one in listed])
+        rows = [rf"\frac{{\mathrm{{d}} {a}}}{{\mathrm{{d}} t}} &= {joined(terms, 5)}", rf"{notation.distance} &= {notation.control} - {{{notation.control}}}_{{c}}"]
         if reduction.weak:
             rows[0] += rf" + {notation.symbol['small']} \sum_{{i,j}} w_{{ij}} \left({a} \cdot \mathbf{{e}}_{{j}}\right) \mathbf{{e}}_{{i}}"
         xi = notation.symbol["xi"]

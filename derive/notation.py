@@ -91,6 +91,7 @@ class Notation:
                 self.names[ours] = given.get(theirs.name, sympy_latex(Symbol(theirs.name)))
         self.space = self.names.get(formulation.space, "s")
         self.control = self.names[formulation.control]
+        self.distance = r"\tilde{\mu}" if self.control == r"\mu" else r"\mu"  # of the control from the threshold
         scalar = bool(getattr(reduction.mode.operator, "scalar", False))
         for k, (one, bar) in enumerate(zip(reduction.mode.phi, reduction.mode.phi_bar, strict=True)):
             stem = self.symbol["mode"]
@@ -242,11 +243,11 @@ def plain(text: str) -> str:
     return re.sub(r"([_&%#$])", r"\\\1", text)
 
 
-def monomial_text(monomial: str, amplitude: str, small: str = r"\epsilon") -> str:
+def monomial_text(monomial: str, amplitude: str, small: str = r"\epsilon", distance: str = r"\mu") -> str:
     """Return a monomial of the amplitude equation."""
     a = amplitude
     table = {
-        "mu*A": rf"\mu {a}", "A**2*conj(A)": rf"\left|{a}\right|^{{2}} {a}", "A**2": f"{a}^{{2}}", "A**3": f"{a}^{{3}}", "epsilon*A": f"{small} {a}",
+        "mu*A": f"{distance} {a}", "A**2*conj(A)": rf"\left|{a}\right|^{{2}} {a}", "A**2": f"{a}^{{2}}", "A**3": f"{a}^{{3}}", "epsilon*A": f"{small} {a}",
         "dot(A,A)*conj(A)": rf"\left({a} \cdot {a}\right) {a}^{{*}}", "dot(A,conj(A))*A": rf"\left({a} \cdot {a}^{{*}}\right) {a}", "dot(A,A)*A": rf"\left({a} \cdot {a}\right) {a}",
     }
     return table[monomial]

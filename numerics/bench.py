@@ -101,7 +101,7 @@ def once(module: Module, route: str, digits: int, nodes: int) -> Values:
     values: Values = {"control": (arb_text(result.root.control, digits), None)}
     if module.KIND == "hopf":
         values["frequency"] = (arb_text(result.root.frequency, digits), None)
-    for name, _, identifier in module.COEFFICIENTS:
+    for name, _, identifier in (*module.COEFFICIENTS, *([module.QUADRATIC] if module.QUADRATIC is not None else [])):
         if identifier in result.values:
             one = result.values[identifier]
             values[name] = ((arb_text(one.real, digits), arb_text(one.imag, digits)), None)
