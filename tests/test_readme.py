@@ -30,7 +30,7 @@ def test_the_main_job_of_the_readme_runs(tmp_path):
     command = next(block for block in blocks("sh") if "reproduce" in block)
     words = command.split("&&")[1].split()
     assert words[0] == "fredholm"
-    assert CliRunner().invoke(main, [*words[1:], "--out", str(tmp_path / "out"), "--digits", "15"]).exit_code == 0
+    assert CliRunner().invoke(main, [*words[1:], "--out", str(tmp_path / "out"), "--quick"]).exit_code == 0  # in full: tests/test_report.py, slow
 
 
 def test_every_command_of_the_readme_exists_with_its_options():
