@@ -11,6 +11,7 @@ and one order of pivots for all entries.
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, lru_cache
 from typing import Any
@@ -18,11 +19,13 @@ from typing import Any
 import numpy as np
 from scipy import special
 
-from numerics.doubles import CENTRES, Array, Scale, border, each_solved, rules_of, terms_for
+from numerics.doubles import CENTRES, Array, Scale, border, each_solved, rules_of
 from numerics.tape import NotRecorded, Problem, Recorded, Tape
 
 LARGE = 24
 """from this batch on few operations count more than few calls"""
+TAPE = 128
+"""entries of a piece of the tape"""
 Numbers = Sequence[Sequence[Any]]
 
 
@@ -36,8 +39,9 @@ class Kernel:
         lines = [*operator.matrix, *operator.left, *operator.right, self.row]
         flat = [entry for line in lines for entry in line]
         self.changing = [place for place, entry in enumerate(flat) if isinstance(entry, Recorded)]
-        self.run = tape.compiled([flat[place] for place in self.changing], parameters)
+        self.run = tape.compiled([flat[place] for place in self.changing], parameters).run
         self.flat = [0 if isinstance(entry, Recorded) else entry for entry in flat]
+        self.through = horner_of(self.flat, self.changing, self.n)
         self.template = np.array(self.flat[:2 * self.n**2], dtype=complex)
         self.column, self.line = (one * size for one, size in zip(border(self.n), (scale.rows, scale.columns), strict=True))
         self.order: list[tuple[list[tuple[int, int]], list[tuple[int, int]]]] = []
@@ -61,9 +65,9 @@ class Kernel:
         return whole[..., :self.n, :], whole[..., self.n:, :]
 
     def terms(self, changing: Sequence[Any], half: float) -> int:
-        """Return how many terms of the exponential series every entry of the batch needs: moduli are rounded up to a power of 2^(1/4)."""
+        """Return how many terms of the exponential series every entry of the batch needs: moduli are rounded up to a power of 2^(1/16)."""
         sizes = [float(np.abs(entry).max()) if place < self.n**2 else 0.0 for place, entry in zip(self.changing, changing, strict=True)]
-        key = tuple(math.ceil(4 * math.log2(size)) if 0 < size < math.inf else -400 for size in sizes)
+        key = tuple(math.ceil(16 * math.log2(size)) if 0 < size < math.inf else -1600 for size in sizes)
         return self.terms_known(key, half)
 
     @lru_cache(maxsize=256)  # noqa: B019  (an evaluator keeps few of these)
@@ -72,8 +76,12 @@ class Kernel:
         bound = np.abs(self.template[:self.n**2])
         for place, size in zip(self.changing, key, strict=True):
             if place < bound.size:
-                bound[place] = 2.0 ** (size / 4)
-        return terms_for(half * bound.reshape(1, 1, self.n, self.n))
+                bound[place] = 2.0 ** (size / 16)
+        radius = 1.05 * half * float(np.abs(np.linalg.eigvals(bound.reshape(self.n, self.n))).max())  # of the moduli: it bounds the exponents
+        terms = 8
+        while terms < 400 and terms * math.log(radius + 1e-9) - math.lgamma(terms + 1) > -38 + radius / 2:
+            terms += 2
+        return terms
 
 
 def is_zero(entry: Any) -> bool:
@@ -90,31 +98,37 @@ def series(m: int, half: float, places: tuple[float, ...], terms: int) -> tuple[
     return ends, inside
 
 
-def through(matrix: Numbers, rows: Numbers, weights: Array, shape: int) -> list[Array]:
-    """Return sum_k weights[row, k] row P^k by Horner's rule: for each column an array (rows, batch)."""
-    n = len(matrix)
-    columns = [[(i, matrix[i][j]) for i in range(n) if not is_zero(matrix[i][j])] for j in range(n)]
-    entries = [(r, j, entry) for r, row in enumerate(rows) for j, entry in enumerate(row) if not is_zero(entry)]
-    sums = [np.zeros((len(rows), shape), dtype=complex) for _ in range(n)]
-    for k in range(weights.shape[1] - 1, -1, -1):
-        if k < weights.shape[1] - 1:
-            before, taken = sums, set()
-            sums = []
-            for column in columns:
-                total: Any = None
-                for i, entry in column:
-                    if not isinstance(entry, np.ndarray) and entry in (1, -1):
-                        if total is None:
-                            total = (before[i] if i not in taken else before[i].copy()) if entry == 1 else -before[i]
-                            taken.add(i)
-                        else:
-                            total = total + before[i] if entry == 1 else total - before[i]
-                    else:
-                        total = entry * before[i] if total is None else total + entry * before[i]
-                sums.append(np.zeros((len(rows), shape), dtype=complex) if total is None else total)
-        for r, j, entry in entries:
-            sums[j][r] += weights[r, k] * entry
-    return sums
+def horner_of(flat: Sequence[Any], changing: Sequence[int], n: int) -> Callable[[Sequence[Any], Sequence[Sequence[float]], int], list[Array]]:
+    """Return the function (entries, weights, batch) that sums weights[k][row] row P^k over k by Horner's rule, the last k first: for each column an array (rows, batch)."""
+    names = {place: f"e[{k}]" for k, place in enumerate(changing)}
+
+    def entry_of(place: int) -> str:
+        return names.get(place) or ("" if is_zero(flat[place]) else repr(flat[place]))
+
+    lines = ["def through(e, weights, batch):", f"    {', '.join(f'u{j}' for j in range(n))}, = (zeros(({n}, batch), complex) for _ in range({n}))", "    for w in weights:"]
+    taken: set[int] = set()
+    for j in range(n):
+        total = ""
+        for i in range(n):
+            entry = entry_of(n * i + j)
+            if entry in ("1", "-1", "1.0", "-1.0"):
+                sign = "-" if entry[0] == "-" else "+" if total else ""
+                total += f" {sign} u{i}"
+                if not total.strip(f" u{i}"):
+                    total += ".copy()" if i in taken else ""
+                    taken.add(i)
+            elif entry:
+                total += f" {'+' if total else ''} {entry} * u{i}"
+        lines.append(f"        t{j} = {total.strip() or f'zeros(({n}, batch), complex)'}")
+    lines.append("        " + "; ".join(f"u{j} = t{j}" for j in range(n)))
+    for r in range(n):
+        for j in range(n):
+            entry = entry_of(n * n + n * r + j)
+            lines += [f"        u{j}[{r}] += w[{r}]" + (f" * {entry}" if entry not in ("1", "1.0") else "")] if entry else []
+    lines.append(f"    return [{', '.join(f'u{j}' for j in range(n))}]")
+    found: dict[str, Any] = {"zeros": np.zeros}
+    exec(compile("\n".join(lines), "<horner>", "exec"), found)  # noqa: S102  (text made above)
+    return found["through"]  # type: ignore[no-any-return]
 
 
 def pivots(matrix: Array, complete: bool) -> list[tuple[int, int]]:
@@ -170,17 +184,16 @@ class Explicit:
         self.identifiers = tuple(identifiers)
         outputs = [names["xi"](tape), *(names[identifier](tape) for identifier in identifiers)]
         names["mode"](tape), names["adjoint_mode"](tape)
-        self.run = tape.compiled(outputs, parameters)
+        self.tape = tape.compiled(outputs, parameters)
         self.kernel = Kernel(tape, tape.problems["mode"], parameters, scale)
         adjoint = tape.problems["adjoint"].operator
-        self.adjoint_run = tape.compiled([entry for lines in (adjoint.matrix, adjoint.left, adjoint.right) for line in lines for entry in line], parameters)
+        self.adjoint_run = tape.compiled([entry for lines in (adjoint.matrix, adjoint.left, adjoint.right) for line in lines for entry in line], parameters).run
         self.nodes, self.half = nodes, (ends[1] - ends[0]) / 2
         self.counts: dict[str, int] = {}
         self.places = (-1.0, 1.0, (self.kernel.place - ends[0]) / self.half - 1)
         rules = rules_of(nodes)
-        self.weights = rules.weights[:, None, :] * self.half
-        self.before = rules.integrate.real.swapaxes(1, 2) * self.half
-        self.after = self.weights - self.before
+        weights, before = rules.weights[:, None, :] * self.half, rules.integrate.real.swapaxes(1, 2) * self.half
+        self.tables = {"integral": weights, "before": np.ascontiguousarray(before), "after": weights - before}
         self.some = [*range(0, nodes, max(1, nodes // 4)), nodes, nodes + 1]
 
     def prepare(self, control: Array, frequency: Array, parameters: Sequence[Array]) -> None:
@@ -193,7 +206,9 @@ class Explicit:
         kernel.order = [(pivots(one, rule == 0), pivots(one.T, rule == 0)) for rule, one in enumerate(scaled)]
         adjoint = stacked_lines(self.adjoint_run(control, frequency, parameters), n, control.shape)
         transposed = stacked_lines([-lines[j][i] for i in range(n) for j in range(n)], n, control.shape)
-        ends = self.functions(control, frequency, parameters)[1][:, :, self.nodes:self.nodes + 2, 0]
+        (_, adjoints), terms, _ = self.sequences(control, frequency, parameters)
+        at_ends = series(self.nodes, self.half, self.places, terms)[0]
+        ends = np.stack([(at_ends @ one)[..., 0] for one, _ in adjoints], axis=1)
         k = n - kernel.k
         left, right = adjoint[:, 0, n:n + k] @ ends[:, :, :1], adjoint[:, 0, n + k:] @ ends[:, :, 1:]
         apart = max(float(np.abs(one).max(initial=0)) for one in (left, right)) / (float(np.abs(ends).max()) * (1 + float(np.abs(adjoint[:, :, n:]).max())))
@@ -234,7 +249,7 @@ class Explicit:
         lines, changing = kernel.numbers(control, frequency, parameters)
         terms = kernel.terms(changing, self.half)
         ends = series(self.nodes, self.half, self.places, terms)[0][rule]
-        columns = through(lines[:n], lines[n:2 * n], ends[[0] * kernel.k + [1] * (n - kernel.k)], control.size)
+        columns = kernel.through(changing, ends[[0] * kernel.k + [1] * (n - kernel.k), ::-1].T.tolist(), control.size)
         return [*([*(columns[j][i] for j in range(n)), kernel.column[i]] for i in range(n)), [*kernel.line, 0.0]], lines, terms
 
     def criticality(self, control: Array, frequency: Array, parameters: Sequence[Array]) -> Array:
@@ -254,8 +269,8 @@ class Explicit:
         rows = self.rows(0, control[0], frequency[0], [one[0] for one in parameters])[0]
         return np.linalg.slogdet(np.moveaxis(np.array([row[:n] for row in rows[:n]]), -1, 0))[0]  # type: ignore[no-any-return]
 
-    def functions(self, control: Array, frequency: Array, parameters: Sequence[Array]) -> tuple[Array, Array, Sequence[Any]]:
-        """Return mode and adjoint mode at nodes, ends and the place of the normalisation, shape (rules, n, places, batch), and the normalising row.
+    def sequences(self, control: Array, frequency: Array, parameters: Sequence[Array]) -> tuple[list[list[tuple[Array, int]]], int, Sequence[Any]]:
+        """Return what the power series of mode and adjoint mode multiply: for each component (rules, terms, batch) and its sign; the terms; the normalising row.
 
         With l M = 0 for the rows M of the boundary matrix, those of the left end give the adjoint mode at the centre: z = sum l_i M_i meets z' = -P^T z,
         and at the ends it is a combination of the boundary rows.
@@ -264,61 +279,65 @@ class Explicit:
         n, k = kernel.n, kernel.k
         if batch < LARGE:
             matrix, powers, lines = self.bordered(control, frequency, parameters)
-            terms, row = powers.shape[1], lines[2 * n]
-            vector = null_of(matrix)[:, None, :, :n, None]
-            weights = null_of(matrix.swapaxes(-1, -2))[..., None, :k] if k else None
-            start = weights @ matrix[..., :k, :n] if weights is not None else None
-            if start is None:
-                raise NotRecorded("no rows at the left end")
-            sequences = [(powers @ vector)[..., 0], (start[:, None] @ powers)[..., 0, :]]
-            sequences[1][:, 1::2] *= -1
-            pair = np.ascontiguousarray(np.stack(sequences).transpose(0, 1, 4, 2, 3))
-        else:
-            parts = [self.rows(rule, control[rule], frequency[rule], [one[rule] for one in parameters]) for rule in range(rules)]
-            terms = max(part[2] for part in parts)
-            pair = np.empty((2, rules, n, terms, batch), dtype=complex)
-            for rule, (rows, lines, _) in enumerate(parts):
-                first, second = kernel.order[rule]
-                weights = eliminated([[rows[i][j] for i in range(n + 1)] for j in range(n + 1)], second, True)[0][:k]
-                start = [sum(weight * row[j] for weight, row in zip(weights, rows, strict=False)) for j in range(n)]
-                recurred(lines[:n], eliminated(rows, first, True)[0], pair[0, rule])
-                recurred([[negative(lines[j][i]) for j in range(n)] for i in range(n)], start, pair[1, rule])
-            row = [np.stack(np.broadcast_arrays(*entries)) if isinstance(entries[0], np.ndarray) else entries[0] for entries in zip(*(part[1][2 * n] for part in parts), strict=True)]
-        table = series(self.nodes, self.half, self.places, terms)[1][:rules, None]
-        modes, adjoints = (table @ pair.view(float)).view(complex)
-        return modes, adjoints, row
+            start = null_of(matrix.swapaxes(-1, -2))[..., None, :k] @ matrix[..., :k, :n]
+            direct, adjoint = powers @ null_of(matrix)[:, None, :, :n, None], start[:, None] @ powers
+            adjoint[:, 1::2] *= -1
+            return [[(np.ascontiguousarray(one[..., j]), 1) for j in range(n)] for one in (direct[..., 0], adjoint[..., 0, :])], powers.shape[1], lines[2 * n]
+        parts = [self.rows(rule, control[rule], frequency[rule], [one[rule] for one in parameters]) for rule in range(rules)]
+        terms = max(part[2] for part in parts)
+        made = []
+        for rule, (rows, lines, _) in enumerate(parts):
+            first, second = kernel.order[rule]
+            weights = eliminated([[rows[i][j] for i in range(n + 1)] for j in range(n + 1)], second, True)[0][:k]
+            start = [sum(weight * row[j] for weight, row in zip(weights, rows, strict=False)) for j in range(n)]
+            made.append((recurred(lines[:n], eliminated(rows, first, True)[0], terms), recurred([[negative(lines[j][i]) for j in range(n)] for i in range(n)], start, terms)))
+        row = [np.stack(np.broadcast_arrays(*entries)) if isinstance(entries[0], np.ndarray) else entries[0] for entries in zip(*(part[1][2 * n] for part in parts), strict=True)]
+        both = [[(np.stack([one[which][j][0] for one in made]) if rules > 1 else made[0][which][j][0][None], made[0][which][j][1]) for j in range(n)] for which in (0, 1)]
+        return both, terms, row
 
     # Coefficients
 
     def values(self, control: Array, frequency: Array, parameters: Sequence[Array]) -> tuple[dict[str, Array], Array, list[tuple[Array, str]]]:
         """Return the coefficients, shape (rules, batch), how ill-conditioned each entry is, and the entries that have none, with the reason."""
         self.count("kernels")
-        self.count("tapes")
-        rules, m = control.shape[0], self.nodes
-        modes, adjoints, row = self.functions(control, frequency, parameters)
-        size: Any = sum(entry * modes[:, j, m + 2] for j, entry in enumerate(row) if not is_zero(entry))
-        largest = self.largest(modes)
-        smallest = np.abs(size).min(axis=0)
-        modes *= (1 / size)[:, None, None]
-
-        def by(table: Array) -> Callable[[Array], Array]:
-            return lambda function: (table @ function.view(float)).view(complex)
-
-        both = {"mode": modes, "adjoint": adjoints}
-        functions = {name: [one[:, j, :m] for j in range(one.shape[1])] for name, one in both.items()}
-        ends = {name: [one[:, j, m:m + 2].swapaxes(0, 1)[:, :, None] for j in range(one.shape[1])] for name, one in both.items()}
-        c, w, *others = (one[:, None].astype(complex) for one in (control, frequency, *parameters))
-        total, *results = self.run(c, w, others, functions, ends, by(self.weights[:rules]), by(self.before[:rules]), by(self.after[:rules]))
-        scale = largest / smallest * self.largest(adjoints)
-        whole = np.abs(total).min(axis=(0, 1))
+        rules, batch = control.shape
+        (modes, adjoints), terms, row = self.sequences(control, frequency, parameters)
+        table = series(self.nodes, self.half, self.places, terms)[1][:rules]
+        signed = {1: table, -1: -table}
+        at_place = table[:, None, -1]
+        numbers = [one[:, None].astype(complex) for one in (control, frequency, *parameters)]
+        # the mode is one at its place: its power series is divided by the value there
+        size: Any = sum((sign * entry if np.ndim(entry) == 0 else sign * entry[:, None]) * (at_place @ one.view(float)).view(complex) for entry, (one, sign) in zip(row, modes, strict=True) if not is_zero(entry))
+        share = 1 / size
+        pieces = [self.piece(slice(k, k + TAPE), modes, adjoints, signed, share, numbers) for k in range(0, batch, TAPE)]
+        values = {name: np.concatenate([one[0][place] for one in pieces], axis=-1) if len(pieces) > 1 else pieces[0][0][place] for place, name in enumerate(self.identifiers)}
+        total, largest, other = (np.concatenate([one[k] for one in pieces], axis=-1) if len(pieces) > 1 else pieces[0][k] for k in (1, 2, 3))
+        scale, whole = largest * other, np.abs(total).min(axis=0)
         troubles = [(~(whole > 1e-9 * scale), "threshold: the product of direct and adjoint mode vanishes: the critical eigenvalue is defective"),
-                    (~(smallest > 1e-10 * largest), "normalisation: the critical mode vanishes there")]
-        return {name: one[:, 0] if isinstance(one, np.ndarray) else np.full(control.shape, one) for name, one in zip(self.identifiers, results, strict=True)}, 1 + scale / whole, troubles
+                    (~(largest < 1e10), "normalisation: the critical mode vanishes there")]
+        return values, 1 + scale / whole, troubles
 
-    def largest(self, functions: Array) -> Array:
-        """Return about the largest modulus of functions in each entry of the batch."""
-        return np.abs(functions[:, :, self.some]).max(axis=(0, 1, 2))  # type: ignore[no-any-return]
-
+    def piece(self, some: slice, modes: list[tuple[Array, int]], adjoints: list[tuple[Array, int]], signed: dict[int, Array], share: Array, numbers: list[Array]) -> tuple[list[Array], Array, Array, Array]:
+        """Return coefficients, xi and the sizes of the modes for some entries: what one piece needs stays in the cache."""
+        self.count("tapes")
+        c, w, *others = (one[..., some] for one in numbers)
+        rules, m, batch = c.shape[0], self.nodes, c.shape[-1]
+        places, count = m + 3, self.tape.buffers
+        room = WORKSPACE.room((len(self.tape.used), rules, places, batch))
+        functions: dict[str, dict[int, Array]] = {"mode": {}, "adjoint": {}}
+        ends: dict[str, dict[int, list[Array]]] = {"mode": {}, "adjoint": {}}
+        whole: dict[str, list[Array]] = {"mode": [], "adjoint": []}
+        for out, (name, j) in zip(room, self.tape.used, strict=True):
+            one, sign = (modes if name == "mode" else adjoints)[j]
+            np.matmul(signed[sign], one[..., some].view(float), out=out.view(float))
+            if name == "mode":
+                out *= share[..., some]
+            functions[name][j] = out[:, :m]
+            whole[name].append(out)
+            ends[name][j] = [out[:, m + end, None] for end in (0, 1)]
+        total, *results = self.tape.run(c, w, others, functions, ends, {name: table[:rules] for name, table in self.tables.items()}, WORKSPACE.room((count, rules, m, batch)))
+        sizes = [np.abs(np.array([one[:, self.some] for one in whole[name]])).max(axis=(0, 1, 2)) for name in ("mode", "adjoint")]
+        return [one[:, 0] if isinstance(one, np.ndarray) else np.full((rules, batch), one) for one in results], total[:, 0], *sizes  # type: ignore[return-value]
 
 def negative(entry: Any) -> Any:
     """Return -entry, a plain zero for zero."""
@@ -343,22 +362,64 @@ def stacked_lines(entries: Sequence[Any], n: int, shape: tuple[int, ...]) -> Arr
     return result.reshape(*shape, -1, n)
 
 
-def recurred(matrix: Numbers, vector: Sequence[Array], sequence: Array) -> None:
-    """Write P^k vector for each k, shape (n, terms, batch)."""
-    for out, entry in zip(sequence[:, 0], vector, strict=True):
-        out[...] = entry
+def recurred(matrix: Numbers, vector: Sequence[Any], terms: int) -> list[tuple[Array, int]]:
+    """Return P^k vector for each component, shape (terms, batch), and a sign: y_i' = y_j makes the sequence of y_j that of y_i less its first, kept once."""
+    n = len(matrix)
     lines = [[(j, entry) for j, entry in enumerate(line) if not is_zero(entry)] for line in matrix]
-    for k in range(1, sequence.shape[1]):
-        for line, out in zip(lines, sequence[:, k], strict=True):
-            if not line:
-                out[...] = 0
-            for place, (j, entry) in enumerate(line):
-                if place:
-                    out += entry * sequence[j, k - 1]
-                elif not isinstance(entry, np.ndarray) and entry in (1, -1):
-                    (np.positive if entry == 1 else np.negative)(sequence[j, k - 1], out=out)
-                else:
-                    np.multiply(entry, sequence[j, k - 1], out=out)
+    unit = [int(line[0][0]) if len(line) == 1 and not isinstance(line[0][1], np.ndarray) and line[0][1] in (1, -1) else None for line in lines]
+    spots: dict[int, tuple[int, int, int]] = {}  # component: chain, shift, sign
+    chains: list[int] = []  # the last component of each chain
+    for root in sorted(range(n), key=lambda j: j in unit):
+        j, shift, sign = root, 0, 1
+        if root in spots:
+            continue
+        while True:
+            spots[j] = (len(chains), shift, sign)
+            following = unit[j]
+            if following is None or following in spots:
+                break
+            j, shift, sign = following, shift + 1, sign * int(lines[j][0][1])
+        chains.append(j)
+    batch = np.broadcast(*vector).size
+    kept = [np.empty((terms + n, batch), dtype=complex) for _ in chains]
+    for j, (chain, shift, sign) in spots.items():
+        np.multiply(vector[j], sign, out=kept[chain][shift])
+    steps = []
+    for chain, j in enumerate(chains):
+        _, shift, sign = spots[j]
+        steps.append((kept[chain][shift + 1:], [(kept[spots[i][0]][spots[i][1]:], entry * (sign * spots[i][2])) for i, entry in lines[j]]))
+    for k in range(terms - 1):
+        for sequence, parts in steps:
+            if k < len(sequence):
+                out = sequence[k]
+                if not parts:
+                    out[...] = 0
+                for place, (source, entry) in enumerate(parts):
+                    if place == 0:
+                        np.multiply(entry, source[k], out=out)
+                    elif isinstance(entry, np.ndarray):
+                        out += entry * source[k]
+                    else:
+                        (np.add if entry == 1 else np.subtract)(out, source[k] if entry in (1, -1) else -entry * source[k], out=out)
+    return [(kept[spots[j][0]][spots[j][1]:spots[j][1] + terms], spots[j][2]) for j in range(n)]
+
+
+class Workspace(threading.local):
+    """Buffers of a thread, used again by the next piece: fresh pages cost more than the arithmetic on them."""
+
+    def __init__(self) -> None:
+        self.rooms: dict[tuple[int, ...], Array] = {}
+
+    def room(self, shape: tuple[int, ...]) -> Array:
+        """Return an array of that shape, whatever it holds."""
+        if shape not in self.rooms:
+            if len(self.rooms) > 12:
+                self.rooms.clear()
+            self.rooms[shape] = np.empty(shape, dtype=complex)
+        return self.rooms[shape]
+
+
+WORKSPACE = Workspace()
 
 
 __all__ = ["Explicit"]

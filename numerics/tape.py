@@ -228,21 +228,66 @@ class Tape:
 
     # Text
 
-    def compiled(self, outputs: Sequence[Any], parameters: Sequence[str]) -> Callable[..., tuple[Any, ...]]:
-        """Return the function (control, frequency, parameters, modes, ends, total, before, after) that computes the outputs."""
+    def compiled(self, outputs: Sequence[Any], parameters: Sequence[str]) -> Compiled:
+        """Return the function (control, frequency, parameters, modes, ends, tables, f) that computes the outputs: f holds buffers for functions, used again when what they hold is done with."""
         needed: set[int] = set()
         waiting = [place for one in outputs if isinstance(one, Recorded) for place in (one.number, one.function) if place is not None]
         while waiting:
             place = waiting.pop()
             if place not in needed:
                 needed.add(place)
-                waiting += [part for part in operands(self.steps[place])]
-        lines = ["def run(control, frequency, parameters, modes=None, ends=None, total=None, before=None, after=None):"]
-        lines += [f"    v{place} = {text(self.steps[place], parameters)}" for place in sorted(needed)]
+                waiting += operands(self.steps[place])
+        order = sorted(needed)
+        last = {part: place for place in order for part in operands(self.steps[place])}
+        lines = ["def run(control, frequency, parameters, modes=None, ends=None, tables=None, f=None):"]
+        held: dict[int, int] = {}
+        free: list[int] = []
+        functions: set[int] = set()
+        count = 0
+        for place in order:
+            kind, *parts = self.steps[place]
+            is_function = kind not in ("integral", "end") and (kind == "mode" or any(part in functions for part in operands(self.steps[place])))
+            if is_function:
+                functions.add(place)
+            if is_function and kind != "mode":
+                if not free:
+                    free.append(count)
+                    count += 1
+                held[place] = free.pop()
+                lines += [f"    v{place} = {one}" for one in into(kind, parts, f"f[{held[place]}]", place)]
+            else:
+                lines.append(f"    v{place} = {text(self.steps[place], parameters)}")
+            free += [held[part] for part in set(operands(self.steps[place])) if last[part] == place and part in held]
         lines.append(f"    return ({''.join(f'{shown(one)}, ' for one in outputs)})")
-        names: dict[str, Any] = {"ELEMENTARY": ELEMENTARY}
+        names: dict[str, Any] = {"ELEMENTARY": ELEMENTARY, "add": np.add, "subtract": np.subtract, "multiply": np.multiply, "conjugate": np.conjugate, "reciprocal": np.reciprocal, "matmul": np.matmul}
         exec(compile("\n".join(lines), "<tape>", "exec"), names)  # noqa: S102  (text made above)
-        return names["run"]  # type: ignore[no-any-return]
+        used = [tuple(self.steps[place][1:]) for place in order if self.steps[place][0] == "mode"]
+        return Compiled(run=names["run"], buffers=count, used=tuple(used), products=sum(self.steps[place][0] == "*" and place in functions for place in order))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compiled:
+    """A function made of a tape, how many buffers and which modes it needs, and its products of functions."""
+
+    run: Callable[..., tuple[Any, ...]]
+    buffers: int
+    used: tuple[tuple[str, int], ...]
+    products: int
+
+
+def into(kind: str, parts: Sequence[Any], out: str, place: int) -> list[str]:
+    """Return a step that gives a function as expressions, written to a buffer."""
+    if kind == "*":
+        return [f"multiply(v{parts[0]}, v{parts[1]}, {out})"]
+    if kind == "+":
+        if parts[1] is None:
+            return [f"add(v{parts[0]}, {constant(parts[2])}, {out})"]
+        if parts[2] in (1, -1):
+            return [f"{'add' if parts[2] == 1 else 'subtract'}(v{parts[0]}, v{parts[1]}, {out})"]
+        return [f"multiply({constant(parts[2])}, v{parts[1]}, {out})", f"add(v{parts[0]}, v{place}, {out})"]
+    if kind in ("before", "after"):
+        return [f"matmul(tables[{kind!r}], v{parts[0]}.view(float), {out}.view(float)).view(complex)"]
+    return [f"{ {'conj': 'conjugate', '1/': 'reciprocal'}[kind]}(v{parts[0]}, {out})"]
 
 
 def operands(step: tuple[Any, ...]) -> list[int]:
@@ -276,7 +321,7 @@ def text(step: tuple[Any, ...], parameters: Sequence[str]) -> str:
             return f"v{parts[0]} + {constant(parts[2])}"
         return f"v{parts[0]} {'+' if parts[2] == 1 else '-' if parts[2] == -1 else f'+ {constant(parts[2])} *'} v{parts[1]}"
     return {"control": "control", "frequency": "frequency", "*": "v{0} * v{1}", "1/": "1 / v{0}", "conj": "v{0}.conj()",
-            "integral": "total(v{0})", "before": "before(v{0})", "after": "after(v{0})"}[kind].format(*parts)
+            "integral": "(tables['integral'] @ v{0}.view(float)).view(complex)"}[kind].format(*parts)
 
 
 def shown(value: Any) -> str:
