@@ -7,6 +7,8 @@ secant predictor and Newton's method for :math:`g(c, \omega) = 0`. A few entries
 from __future__ import annotations
 
 import ast
+import itertools
+import math
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -224,14 +226,14 @@ class Evaluator:
             size = (np.abs(dc) / scale_c + np.abs(dw) / scale_w).max(axis=0)
             ratio = size / largest[active] if attempt else np.ones(size.size)
             lost = ~np.isfinite(size) | (size > 0.5) | (attempt > 0) & (ratio > 0.7) & (size > 1e-11)
-            done = ~lost & ((size < 1e-14) | (size * np.minimum(ratio, 1) < 1e-16) | (attempt > 2) & (size < 1e-11) & (ratio > 0.3))
+            done = ~lost & ((size < 1e-14) | (size * np.minimum(ratio, 1) < 1e-15) | (attempt > 2) & (size < 1e-11) & (ratio > 0.3))
             if lost.any():
                 reason[np.arange(batch)[active][lost]] = "threshold: Newton's method does not converge"
             largest[active] = size
             keep = ~(lost | done)
             if not keep.any():
                 break
-            if (ratio[keep].max() > 0.1 if attempt else size[keep].max() > 1e-2) and size[keep].max() > 1e-9:
+            if np.median(ratio[keep] / 10 if attempt else size[keep]) > 1e-2 and size[keep].max() > 1e-9:
                 slopes = None
             if not keep.all():
                 slopes = (slopes[0][:, keep], slopes[1][:, keep]) if slopes else None
@@ -364,6 +366,11 @@ class Evaluator:
         step = points - points[leaders[first]]
         guess = [here[:rules, first] + (slope[:rules, first] * step).sum(axis=-1) for here, slope in zip((lead.control, lead.frequency), slopes, strict=True)]
         start = [one[:rules, first] for one in jacobian] if self.explicit else None
+        if (lead.reason == "").all():
+            fit = fitted(points[leaders], np.stack([lead.control[0], lead.frequency[0]]), np.stack([one[0] for one in slopes]), points)
+            guess = guess if fit is None else [np.repeat(one[None], rules, axis=0) for one in fit]
+            fit = fitted(points[leaders], np.stack([one[0] for one in jacobian]), np.zeros((2, 0, 0)), points) if start else None
+            start = start if fit is None else [fit[:1], fit[1:]]
         chunk = ROOTS_CHUNK if self.explicit else CHUNK
         pieces = [slice(k, k + chunk) for k in range(0, len(points), chunk)]
         roots = joined_roots([self.corrected(guess[0][:, some], guess[1][:, some], points[some], (start[0][:, some], start[1][:, some]) if start else None) for some in pieces])
@@ -461,9 +468,40 @@ def nearest(points: Array, centres: Array, count: int) -> Array:
     """Return for each point the nearest centres, the nearest first."""
     parts = []
     for k in range(0, len(points), 4096):
-        distance = ((points[k:k + 4096, None, :] - centres) ** 2).sum(axis=-1)
-        parts.append(np.argsort(distance, axis=1)[:, :count])
+        distance = (centres**2).sum(axis=1) - 2 * points[k:k + 4096] @ centres.T  # less |point|^2
+        first = np.argpartition(distance, min(count, len(centres)) - 1, axis=1)[:, :count]
+        parts.append(np.take_along_axis(first, np.argsort(np.take_along_axis(distance, first, axis=1), axis=1), axis=1))
     return np.concatenate(parts)
+
+
+def fitted(places: Array, values: Array, gradients: Array, points: Array) -> Array | None:
+    """Return quantities at `points` by the polynomial in the parameters that fits values (quantities, leaders) and gradients, if any; None where it does not fit."""
+    low, high = places.min(axis=0), places.max(axis=0)
+    moving = np.flatnonzero(high > low)
+    middle, half = (low + high)[moving] / 2, (high - low)[moving] / 2
+    known = len(places) * (1 + moving.size) // 3 if gradients.size else len(places) // 2
+    degree = max(k for k in range(9) if math.comb(k + moving.size, k) <= max(1, known))
+    powers = [one for one in itertools.product(range(degree + 1), repeat=moving.size) if sum(one) <= degree] if moving.size < 5 else []
+    if len(powers) < 3:
+        return None
+    x = (places[:, moving] - middle) / half
+
+    def monomials(at: Array, less: int | None = None) -> Array:
+        table = at[..., None] ** np.arange(degree + 1)
+        one = np.ones((len(powers), len(at)))
+        for k in range(moving.size):
+            exponents = np.array([power[k] for power in powers])
+            one *= (exponents[:, None] * table[:, k, np.maximum(exponents - 1, 0)].T) if k == less else table[:, k, exponents].T
+        return one.T
+
+    sloping = list(enumerate(moving)) if gradients.size else []
+    system = np.concatenate([monomials(x), *(monomials(x, k) for k, _ in sloping)])
+    right = np.concatenate([values.T, *((gradients[:, :, j] * half[k]).T for k, j in sloping)])
+    found = np.linalg.lstsq(system, right, rcond=1e-13)[0]
+    left_over = np.abs(system @ found - right)[:len(places)].max(axis=0)
+    if not (left_over <= 1e-3 * np.abs(values).max(axis=1)).all():
+        return None
+    return np.concatenate([monomials((points[k:k + 4096, moving] - middle) / half) @ found for k in range(0, len(points), 4096)]).T
 
 
 def joined_roots(parts: list[Roots]) -> Roots:
