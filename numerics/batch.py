@@ -242,6 +242,21 @@ class Evaluator:
             reason[active] = "threshold: Newton's method does not converge"
         return Roots(control=control, frequency=frequency, control_step=steps[0], frequency_step=steps[1], reason=reason)
 
+    def from_onset(self) -> Roots:
+        """Return the root at the nominal values, from the printed onset and the slopes known there."""
+        control, frequency = self.onset
+        scale = abs(control[0, 0]) + self.width * 1e-3, abs(frequency[0, 0]) if self.hopf else 1.0
+        before = math.inf
+        for _ in range(4):
+            dc, dw = self.newton_step(self.residual(control, frequency, self.nominal_point), *self.slopes)
+            control, frequency = control - dc, frequency - dw
+            dc, dw = np.abs(dc), np.abs(dw)
+            size = float((dc / scale[0] + dw / scale[1]).max())
+            if size < 1e-10 and size * size < 1e-15 * before < math.inf or size < 1e-14:
+                return Roots(control=control, frequency=frequency, control_step=dc, frequency_step=dw, reason=np.array([""], dtype=object))
+            before = size
+        return self.corrected(*self.onset, self.nominal_point)
+
     # Coefficients
 
     def values(self, roots: Roots, points: Array) -> tuple[dict[str, Array], Array, list[tuple[Array, str]]]:
@@ -323,8 +338,8 @@ class Evaluator:
     def led(self, points: Array) -> Roots:
         """Return the roots at `points`, with ever smaller steps for those that need them."""
         if (points == self.nominal_point).all():
-            onset, slopes = ([np.repeat(one, len(points), axis=1) for one in pair] for pair in (self.onset, self.slopes))
-            return self.corrected(*onset, points, (slopes[0], slopes[1]))
+            roots = self.from_onset()
+            return roots if len(points) == 1 else roots.taken(np.zeros(len(points), dtype=int))
         roots = self.travelled(points, 4)
         for steps in (16, 64, 256):
             lost = np.flatnonzero(roots.reason != "")
@@ -556,6 +571,8 @@ def evaluate_batch(emitted: str | Path, parameters: Mapping[str, Any] | None = N
 
 def points_of(evaluator: Evaluator, parameters: Mapping[str, Any]) -> tuple[Array, tuple[int, ...]]:
     """Return the parameter values, shape (batch, parameters), and the shape of the batch."""
+    if not parameters:
+        return evaluator.nominal_point.copy(), ()
     names = evaluator.module.names
     arrays = []
     for name, values in parameters.items():
@@ -579,12 +596,15 @@ def points_of(evaluator: Evaluator, parameters: Mapping[str, Any]) -> tuple[Arra
 def computed(evaluator: Evaluator, points: Array, shape: tuple[int, ...]) -> BatchResult:
     """Return the result of a batch."""
     finite = np.asarray(np.isfinite(points).all(axis=1))
-    sound = np.where(finite[:, None], points, evaluator.nominal_point)
+    sound = points if finite.all() else np.where(finite[:, None], points, evaluator.nominal_point)
     roots, leaders, near = evaluator.follow(sound)
-    reason = np.where(finite, roots.reason, "parameters: found a value that is not finite").astype(object)
+    reason = roots.reason.copy()
 
     def refuse(where: Array, why: str) -> None:
-        reason[where & (reason == "")] = why
+        if np.any(where):
+            reason[where & (reason == "")] = why
+
+    reason[~finite] = "parameters: found a value that is not finite"
 
     low, high = evaluator.range
     control = roots.control[0]
@@ -682,8 +702,11 @@ def assembled(evaluator: Evaluator, roots: Roots, estimate: Estimate | None, goo
     names = evaluator.module.names
     size = reason.size
     refused = reason != ""
+    any_refused = bool(refused.any())
 
     def whole(one: Array, kind: type) -> Array:
+        if good.size == size and not any_refused:
+            return np.array(one, dtype=kind).reshape(shape)
         result: Array = np.full(size, np.nan, dtype=kind)
         if good.size:
             result[good] = one

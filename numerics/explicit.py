@@ -4,7 +4,7 @@ Numbers have the shape (rules, batch), on the tape (rules, 1, batch), functions 
 run along it. The boundary matrix is that of :math:`e^{P(s - c)}`, c the centre of expansion; bordered by a fixed column and row it gives the
 mode and what vanishes at the threshold.
 
-Small batches take few calls, powers of P by doubling and LAPACK; large ones few operations, Horner's rule row by row without the zeros and ones of P,
+A few entries take few calls, powers of P by doubling; large batches few operations, Horner's rule row by row without the zeros and ones of P,
 and one order of pivots for all entries.
 """
 
@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 from scipy import special
 
-from numerics.doubles import CENTRES, Array, Scale, border, each_solved, rules_of
+from numerics.doubles import CENTRES, Array, Scale, border, rules_of
 from numerics.tape import NotRecorded, Problem, Recorded, Tape
 
-LARGE = 24
+LARGE = 4
 """from this batch on few operations count more than few calls"""
 TAPE = 128
 """entries of a piece of the tape"""
@@ -44,7 +44,8 @@ class Kernel:
         self.through = horner_of(self.flat, self.changing, self.n)
         self.template = np.array(self.flat[:2 * self.n**2], dtype=complex)
         self.column, self.line = (one * size for one, size in zip(border(self.n), (scale.rows, scale.columns), strict=True))
-        self.order: list[tuple[list[tuple[int, int]], list[tuple[int, int]]]] = []
+        self.solve: list[tuple[Callable[[Any], list[Any]], ...]] = []
+        """for each rule: what vanishes at the threshold, that with the null vector, and the same for the transposed matrix"""
 
     def numbers(self, control: Array, frequency: Array, parameters: Sequence[Array]) -> tuple[list[list[Any]], tuple[Any, ...]]:
         """Return the lines of the matrix, the boundary rows and the normalising row, an entry being a number or an array, and the entries that change."""
@@ -148,29 +149,29 @@ def pivots(matrix: Array, complete: bool) -> list[tuple[int, int]]:
     return order
 
 
-def eliminated(rows: list[list[Any]], order: Sequence[tuple[int, int]], whole: bool) -> tuple[list[Any], Any]:
-    """Return (x, g) of the bordered system, its last row equal to 1 and the others to 0, entries being arrays; x only where `whole`."""
-    n = len(rows) - 1
-    left, columns, right = list(range(n + 1)), list(range(n)), [0] * n + [1]
+def elimination_of(order: Sequence[tuple[int, int]], whole: bool) -> Callable[[Sequence[Sequence[Any]]], list[Any]]:
+    """Return the function of the rows of a bordered system, its last row equal to 1 and the others to 0, that gives [*x, g], or only g; entries are numbers or arrays."""
+    n = len(order)
+    left, columns, right = list(range(n + 1)), list(range(n)), [""] * n + ["1"]
+    lines = ["def solve(rows):", f"    {''.join('(' + ''.join(f'a{i}_{j}, ' for j in range(n + 1)) + '), ' for i in range(n + 1))} = rows"]
     for r, c in order:
         left.remove(r)
         columns.remove(c)
-        inverse = 1 / rows[r][c]
+        lines.append(f"    inverse = 1 / a{r}_{c}")
         for other in left:
-            share = rows[other][c] * inverse
-            for j in (*columns, n):
-                rows[other][j] = rows[other][j] - share * rows[r][j]
-            if not (isinstance(right[r], int) and right[r] == 0):
-                right[other] = right[other] - share * right[r]
-    g = right[left[0]] / rows[left[0]][n]
-    x: list[Any] = [None] * n
+            lines.append(f"    share = a{other}_{c} * inverse")
+            lines += [f"    a{other}_{j} = a{other}_{j} - share * a{r}_{j}" for j in (*columns, n)]
+            if right[r]:
+                lines.append(f"    b{other} = {right[other]} - share * {right[r]}")
+                right[other] = f"b{other}"
+    lines.append(f"    g = {right[left[0]]} / a{left[0]}_{n}")
     for r, c in reversed(order) if whole else ():
-        total = right[r] - rows[r][n] * g
-        for j in columns:
-            total = total - rows[r][j] * x[j]
-        x[c] = total / rows[r][c]
+        lines.append(f"    x{c} = ({right[r]} - a{r}_{n} * g{''.join(f' - a{r}_{j} * x{j}' for j in columns)}) / a{r}_{c}")
         columns.append(c)
-    return x, g
+    lines.append(f"    return [{''.join(f'x{j}, ' for j in range(n)) if whole else ''}g]")
+    found: dict[str, Any] = {}
+    exec(compile("\n".join(lines), "<elimination>", "exec"), found)  # noqa: S102  (text made above)
+    return found["solve"]  # type: ignore[no-any-return]
 
 
 class Explicit:
@@ -203,7 +204,10 @@ class Explicit:
         scaled = matrix[:, 0].copy()
         scaled[:, :-1] /= kernel.scale.rows[:, None]
         scaled[:, :, :-1] /= kernel.scale.columns
-        kernel.order = [(pivots(one, rule == 0), pivots(one.T, rule == 0)) for rule, one in enumerate(scaled)]
+        kernel.solve = []
+        for rule, one in enumerate(scaled):
+            order, transposed_order = pivots(one, rule == 0), pivots(one.T, rule == 0)
+            kernel.solve.append((elimination_of(order, False), elimination_of(order, True), elimination_of(transposed_order, True)))
         adjoint = stacked_lines(self.adjoint_run(control, frequency, parameters), n, control.shape)
         transposed = stacked_lines([-lines[j][i] for i in range(n) for j in range(n)], n, control.shape)
         (_, adjoints), terms, _ = self.sequences(control, frequency, parameters)
@@ -243,6 +247,17 @@ class Explicit:
         result[..., :n, n], result[..., n, :n], result[..., n, n] = kernel.column, kernel.line, 0
         return result, powers, lines
 
+    def null_of(self, matrix: Array, which: int) -> Array:
+        """Return g (0), or (x, g) of a few bordered matrices (1) or of their transposes (2)."""
+        result = []
+        for solve, some in zip(self.kernel.solve, matrix.tolist(), strict=False):
+            for rows in some:
+                try:
+                    result.append(solve[which](rows))
+                except ZeroDivisionError:
+                    result.append([math.nan] * (len(rows) if which else 1))
+        return np.array(result, dtype=complex).reshape(*matrix.shape[:2], -1)
+
     def rows(self, rule: int, control: Array, frequency: Array, parameters: Sequence[Array]) -> tuple[list[list[Any]], list[list[Any]], int]:
         """Return the bordered matrix of one rule as lists of arrays, the lines of the problem and the number of terms."""
         kernel, n = self.kernel, self.kernel.n
@@ -255,10 +270,9 @@ class Explicit:
     def criticality(self, control: Array, frequency: Array, parameters: Sequence[Array]) -> Array:
         """Return what vanishes at the threshold, shape (rules, batch)."""
         self.count("residuals")
-        n = self.kernel.n
         if control.shape[1] < LARGE:
-            return null_of(self.bordered(control, frequency, parameters)[0])[..., n]  # type: ignore[no-any-return]
-        return np.array([eliminated(self.rows(rule, c, w, [one[rule] for one in parameters])[0], self.kernel.order[rule][0], False)[1]
+            return self.null_of(self.bordered(control, frequency, parameters)[0], 0)[..., -1]
+        return np.array([self.kernel.solve[rule][0](self.rows(rule, c, w, [one[rule] for one in parameters])[0])[0]
                          for rule, (c, w) in enumerate(zip(control, frequency, strict=True))])
 
     def determinant(self, control: Array, frequency: Array, parameters: Sequence[Array]) -> Array:
@@ -279,18 +293,18 @@ class Explicit:
         n, k = kernel.n, kernel.k
         if batch < LARGE:
             matrix, powers, lines = self.bordered(control, frequency, parameters)
-            start = null_of(matrix.swapaxes(-1, -2))[..., None, :k] @ matrix[..., :k, :n]
-            direct, adjoint = powers @ null_of(matrix)[:, None, :, :n, None], start[:, None] @ powers
+            start = self.null_of(matrix.swapaxes(-1, -2), 2)[..., None, :k] @ matrix[..., :k, :n]
+            direct, adjoint = powers @ self.null_of(matrix, 1)[:, None, :, :n, None], start[:, None] @ powers
             adjoint[:, 1::2] *= -1
             return [[(np.ascontiguousarray(one[..., j]), 1) for j in range(n)] for one in (direct[..., 0], adjoint[..., 0, :])], powers.shape[1], lines[2 * n]
         parts = [self.rows(rule, control[rule], frequency[rule], [one[rule] for one in parameters]) for rule in range(rules)]
         terms = max(part[2] for part in parts)
         made = []
         for rule, (rows, lines, _) in enumerate(parts):
-            first, second = kernel.order[rule]
-            weights = eliminated([[rows[i][j] for i in range(n + 1)] for j in range(n + 1)], second, True)[0][:k]
+            _, direct, transposed = kernel.solve[rule]
+            weights = transposed(list(zip(*rows, strict=True)))[:k]
             start = [sum(weight * row[j] for weight, row in zip(weights, rows, strict=False)) for j in range(n)]
-            made.append((recurred(lines[:n], eliminated(rows, first, True)[0], terms), recurred([[negative(lines[j][i]) for j in range(n)] for i in range(n)], start, terms)))
+            made.append((recurred(lines[:n], direct(rows)[:n], terms), recurred([[negative(lines[j][i]) for j in range(n)] for i in range(n)], start, terms)))
         row = [np.stack(np.broadcast_arrays(*entries)) if isinstance(entries[0], np.ndarray) else entries[0] for entries in zip(*(part[1][2 * n] for part in parts), strict=True)]
         both = [[(np.stack([one[which][j][0] for one in made]) if rules > 1 else made[0][which][j][0][None], made[0][which][j][1]) for j in range(n)] for which in (0, 1)]
         return both, terms, row
@@ -326,32 +340,22 @@ class Explicit:
         room = WORKSPACE.room((len(self.tape.used), rules, places, batch))
         functions: dict[str, dict[int, Array]] = {"mode": {}, "adjoint": {}}
         ends: dict[str, dict[int, list[Array]]] = {"mode": {}, "adjoint": {}}
-        whole: dict[str, list[Array]] = {"mode": [], "adjoint": []}
         for out, (name, j) in zip(room, self.tape.used, strict=True):
             one, sign = (modes if name == "mode" else adjoints)[j]
             np.matmul(signed[sign], one[..., some].view(float), out=out.view(float))
             if name == "mode":
                 out *= share[..., some]
             functions[name][j] = out[:, :m]
-            whole[name].append(out)
             ends[name][j] = [out[:, m + end, None] for end in (0, 1)]
         total, *results = self.tape.run(c, w, others, functions, ends, {name: table[:rules] for name, table in self.tables.items()}, WORKSPACE.room((count, rules, m, batch)))
-        sizes = [np.abs(np.array([one[:, self.some] for one in whole[name]])).max(axis=(0, 1, 2)) for name in ("mode", "adjoint")]
+        kinds = [name == "mode" for name, _ in self.tape.used]
+        moduli = np.abs(room[:, :, self.some]).max(axis=(1, 2))
+        sizes = [moduli[[kind == which for kind in kinds]].max(axis=0) for which in (True, False)]
         return [one[:, 0] if isinstance(one, np.ndarray) else np.full((rules, batch), one) for one in results], total[:, 0], *sizes  # type: ignore[return-value]
 
 def negative(entry: Any) -> Any:
     """Return -entry, a plain zero for zero."""
     return entry if is_zero(entry) else -entry
-
-
-def null_of(matrix: Array) -> Array:
-    """Return (x, g) of bordered matrices; the second rule takes the rows in reverse order."""
-    right = np.zeros((len(matrix), 1, matrix.shape[-1], 1), dtype=complex)
-    right[0, :, -1] = 1
-    if len(matrix) > 1:
-        matrix = np.stack([matrix[0], matrix[1, :, ::-1]])
-        right[1, :, 0] = 1
-    return each_solved(matrix, right)
 
 
 def stacked_lines(entries: Sequence[Any], n: int, shape: tuple[int, ...]) -> Array:
