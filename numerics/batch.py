@@ -226,7 +226,8 @@ class Evaluator:
             size = (np.abs(dc) / scale_c + np.abs(dw) / scale_w).max(axis=0)
             ratio = size / largest[active] if attempt else np.ones(size.size)
             lost = ~np.isfinite(size) | (size > 0.5) | (attempt > 0) & (ratio > 0.7) & (size > 1e-11)
-            done = ~lost & ((size < 1e-14) | (size * np.minimum(ratio, 1) < 1e-15) | (attempt > 2) & (size < 1e-11) & (ratio > 0.3))
+            # a step that is small by chance promises nothing: no entry counts on more than four digits a round
+            done = ~lost & ((size < 1e-14) | (size * np.clip(ratio, 1e-4, 1) < 1e-16) | (attempt > 2) & (size < 1e-11) & (ratio > 0.3))
             if lost.any():
                 reason[np.arange(batch)[active][lost]] = "threshold: Newton's method does not converge"
             largest[active] = size
@@ -739,8 +740,7 @@ def assembled(evaluator: Evaluator, roots: Roots, estimate: Estimate | None, goo
     margin = SAFETY * 4 * EPSILON
 
     def error_of(one: Array, apart: Array, steps: Array) -> Array:
-        largest = steps.max(axis=0)
-        return SAFETY * apart * np.abs(one) + np.minimum(largest, 1e-6 * largest + 1e-9 * np.abs(one)) * 1e-3 + margin * np.abs(one)
+        return SAFETY * apart * np.abs(one) + 0.01 * steps.max(axis=0) + margin * np.abs(one)
 
     control_error = error_of(roots.control[0], spread[0], roots.control_step) + (margin + SAFETY * spread[0]) * 1e-3 * evaluator.width
     frequency_error = error_of(roots.frequency[0], spread[1], roots.frequency_step)
