@@ -129,7 +129,7 @@ class Roots:
     frequency_step: Array
     reason: Array
 
-    def taken(self, which: Array) -> Roots:
+    def taken(self, which: Array | slice) -> Roots:
         """Return a part of the batch."""
         return Roots(control=self.control[:, which], frequency=self.frequency[:, which], control_step=self.control_step[:, which], frequency_step=self.frequency_step[:, which],
                      reason=self.reason[which])
@@ -690,7 +690,7 @@ def evaluated(evaluator: Evaluator, roots: Roots, points: Array) -> Estimate:
         growth = values[evaluator.growth][0]
         ill = ill * np.abs(growth / growth.real)
     some = np.unique(np.concatenate([np.arange(0, len(points), max(1, len(points) // max(64, len(points) // 32))), np.argsort(ill)[-16:]]))
-    pair = evaluator.corrected(*(np.repeat(one[:, some], 2, axis=0) for one in (roots.control, roots.frequency)), points[some])
+    pair = evaluator.corrected(np.repeat(roots.control[:, some], 2, axis=0), np.repeat(roots.frequency[:, some], 2, axis=0), points[some])
     seen = spread_of(evaluator, pair, evaluated(evaluator, pair, points[some]).values)
     share = (seen / ill[some])[:, np.isfinite(seen).all(axis=0) & (pair.reason == "")]
     spread = ill * share.max(axis=1, initial=0)[:, None]

@@ -301,10 +301,10 @@ class Explicit:
         terms = max(part[2] for part in parts)
         made = []
         for rule, (rows, lines, _) in enumerate(parts):
-            _, direct, transposed = kernel.solve[rule]
+            _, whole, transposed = kernel.solve[rule]
             weights = transposed(list(zip(*rows, strict=True)))[:k]
-            start = [sum(weight * row[j] for weight, row in zip(weights, rows, strict=False)) for j in range(n)]
-            made.append((recurred(lines[:n], direct(rows)[:n], terms), recurred([[negative(lines[j][i]) for j in range(n)] for i in range(n)], start, terms)))
+            initial = [sum(weight * row[j] for weight, row in zip(weights, rows, strict=False)) for j in range(n)]
+            made.append((recurred(lines[:n], whole(rows)[:n], terms), recurred([[negative(lines[j][i]) for j in range(n)] for i in range(n)], initial, terms)))
         row = [np.stack(np.broadcast_arrays(*entries)) if isinstance(entries[0], np.ndarray) else entries[0] for entries in zip(*(part[1][2 * n] for part in parts), strict=True)]
         both = [[(np.stack([one[which][j][0] for one in made]) if rules > 1 else made[0][which][j][0][None], made[0][which][j][1]) for j in range(n)] for which in (0, 1)]
         return both, terms, row
@@ -324,8 +324,8 @@ class Explicit:
         size: Any = sum((sign * entry if np.ndim(entry) == 0 else sign * entry[:, None]) * (at_place @ one.view(float)).view(complex) for entry, (one, sign) in zip(row, modes, strict=True) if not is_zero(entry))
         share = 1 / size
         pieces = [self.piece(slice(k, k + TAPE), modes, adjoints, signed, share, numbers) for k in range(0, batch, TAPE)]
-        values = {name: np.concatenate([one[0][place] for one in pieces], axis=-1) if len(pieces) > 1 else pieces[0][0][place] for place, name in enumerate(self.identifiers)}
-        total, largest, other = (np.concatenate([one[k] for one in pieces], axis=-1) if len(pieces) > 1 else pieces[0][k] for k in (1, 2, 3))
+        values = {name: np.concatenate(parts, axis=-1) for name, parts in zip(self.identifiers, zip(*(one[0] for one in pieces), strict=True), strict=True)}
+        total, largest, other = (np.concatenate(parts, axis=-1) for parts in zip(*(one[1:] for one in pieces), strict=True))
         scale, whole = largest * other, np.abs(total).min(axis=0)
         troubles = [(~(whole > 1e-9 * scale), "threshold: the product of direct and adjoint mode vanishes: the critical eigenvalue is defective"),
                     (~(largest < 1e10), "normalisation: the critical mode vanishes there")]
