@@ -26,7 +26,7 @@ from numerics.tape import NotRecorded
 
 EPSILON = float(np.finfo(float).eps)
 CHUNK = 256
-ROOTS_CHUNK, VALUES_CHUNK = 512, 256
+ROOTS_CHUNK, VALUES_CHUNK = 1024, 1024
 """the same for recorded problems: what stays in the cache"""
 LEADERS = 64
 RESOLUTIONS = ((20, 1), (24, 1), (28, 1), (32, 1), (24, 2), (32, 2), (28, 3), (32, 4), (32, 6), (32, 9), (32, 14), (32, 20))

@@ -24,7 +24,7 @@ from numerics.tape import NotRecorded, Problem, Recorded, Tape
 
 LARGE = 4
 """from this batch on few operations count more than few calls"""
-TAPE = 128
+TAPE = 256
 """entries of a piece of the tape"""
 Numbers = Sequence[Sequence[Any]]
 
