@@ -7,7 +7,10 @@ secant predictor and Newton's method for :math:`g(c, \omega) = 0`. A few entries
 from __future__ import annotations
 
 import ast
+import itertools
+import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -17,10 +20,14 @@ import numpy as np
 
 from numerics.coefficients import Module
 from numerics.doubles import Array, DoubleNumbers, Doubles, Scale, largest_of
+from numerics.explicit import Explicit
 from numerics.precision import EvaluationError
+from numerics.tape import NotRecorded
 
 EPSILON = float(np.finfo(float).eps)
 CHUNK = 256
+ROOTS_CHUNK, VALUES_CHUNK = 1024, 1024
+"""the same for recorded problems: what stays in the cache"""
 LEADERS = 64
 RESOLUTIONS = ((20, 1), (24, 1), (28, 1), (32, 1), (24, 2), (32, 2), (28, 3), (32, 4), (32, 6), (32, 9), (32, 14), (32, 20))
 SAFETY = 8.0
@@ -114,7 +121,7 @@ def module_of(text: str) -> Module:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Roots:
-    """Control and frequency by both rules, shape (2, batch), the last Newton steps, and why there is none."""
+    """Control and frequency, shape (rules, batch), the last Newton steps, and why there is none."""
 
     control: Array
     frequency: Array
@@ -122,7 +129,7 @@ class Roots:
     frequency_step: Array
     reason: Array
 
-    def taken(self, which: Array) -> Roots:
+    def taken(self, which: Array | slice) -> Roots:
         """Return a part of the batch."""
         return Roots(control=self.control[:, which], frequency=self.frequency[:, which], control_step=self.control_step[:, which], frequency_step=self.frequency_step[:, which],
                      reason=self.reason[which])
@@ -146,7 +153,17 @@ class Evaluator:
         self.scales: dict[str, Scale] = {}
         self.nominal_point = np.array([[self.nominal[name] for name in self.names.values()]])
         self.listed = [*names["COEFFICIENTS"], *([names["QUADRATIC"]] if names["QUADRATIC"] is not None else [])]
+        self.explicit: Explicit | None = None
+        self.growth = next((identifier for _, monomial, identifier in self.listed if monomial == "mu*A"), "")
         self.choose_resolution()
+        nodes, panels = self.resolution
+        if panels == 1 and self.ends:
+            with suppress(NotRecorded):
+                explicit = Explicit(names, self.ends, nodes, list(self.names.values()), self.scales["mode"])  # type: ignore[arg-type]
+                explicit.prepare(self.start.control, self.start.frequency, jolted(self.nominal_point, 2))
+                self.explicit = explicit
+        with np.errstate(all="ignore"):
+            self.slopes = self.derivatives(*self.onset, self.nominal_point)[1:]
 
     # Algebra and threshold
 
@@ -159,7 +176,9 @@ class Evaluator:
         return Doubles(ends=self.ends, nodes=self.resolution[0], panels=self.resolution[1], **common)  # type: ignore[arg-type]
 
     def residual(self, control: Array, frequency: Array, points: Array) -> Array:
-        """Return g(c, omega), shape (2, batch)."""
+        """Return g(c, omega), shape (rules, batch)."""
+        if self.explicit:
+            return self.explicit.criticality(control, frequency, jolted(points, len(control)))
         a = self.algebra(control, frequency, points)
         return a.criticality(self.module.names["critical"](a))  # type: ignore[no-any-return]
 
@@ -175,52 +194,77 @@ class Evaluator:
 
     def newton_step(self, value: Array, by_control: Array, by_frequency: Array) -> tuple[Array, Array]:
         """Return the real steps (dc, domega) with g_c dc + g_omega domega = g."""
-        with np.errstate(all="ignore"):
-            if not self.hopf:
-                return np.real(value / by_control), np.zeros_like(value.real)
-            bottom = np.imag(np.conj(by_control) * by_frequency)
-            return np.imag(np.conj(value) * by_frequency) / bottom, np.imag(np.conj(by_control) * value) / bottom
+        if not self.hopf:
+            return np.real(value / by_control), np.zeros_like(value.real)
+        bottom = np.imag(np.conj(by_control) * by_frequency)
+        return np.imag(np.conj(value) * by_frequency) / bottom, np.imag(np.conj(by_control) * value) / bottom
 
-    def corrected(self, control: Array, frequency: Array, points: Array, rounds: int = 9) -> Roots:
-        """Return the roots near a guess, by Newton's method; the slopes are taken anew only while the steps are large."""
+    def corrected(self, control: Array, frequency: Array, points: Array, slopes: tuple[Array, Array] | None = None, rounds: int = 9) -> Roots:
+        """Return the roots near a guess, by Newton's method: Broyden's update of the slopes, which are taken anew only while steps are large and shrink slowly."""
         control, frequency = control.copy(), frequency.copy()
         batch = control.shape[1]
-        active = np.arange(batch)
+        active: Any = slice(None)
         reason = np.full(batch, "", dtype=object)
-        steps = np.full((2, 2, batch), np.inf)
-        slopes: tuple[Array, Array] | None = None
-        scale = np.abs(control[0]) + self.width * 1e-3
+        steps = np.full((2, *control.shape), np.inf)
+        scales = np.abs(control[0]) + self.width * 1e-3, np.abs(frequency[0]) if self.hopf else np.ones(batch)
         largest = np.full(batch, np.inf)
+        dc = dw = np.zeros((1, 0))
         for attempt in range(rounds):
             c, w, points_here = control[:, active], frequency[:, active], points[active]
+            scale_c, scale_w = scales[0][active], scales[1][active]
             if slopes is None:
                 value, *rest = self.derivatives(c, w, points_here)
                 slopes = (rest[0], rest[1])
             else:
                 value = self.residual(c, w, points_here)
+                if attempt:  # J += g dx^T/|dx|^2 for a full step dx = -(dc, dw)
+                    share = value / ((dc / scale_c) ** 2 + (dw / scale_w) ** 2 + 1e-300)
+                    slopes = slopes[0] - share * dc / scale_c**2, slopes[1] - share * dw / scale_w**2
             dc, dw = self.newton_step(value, *slopes)
             control[:, active], frequency[:, active] = c - dc, w - dw
             steps[0][:, active], steps[1][:, active] = np.abs(dc), np.abs(dw)
-            size = np.max(np.abs(dc) / scale[active] + (np.abs(dw) / np.abs(w) if self.hopf else 0), axis=0)
-            ratio = size / largest[active] if attempt else np.ones(active.size)
+            size = (np.abs(dc) / scale_c + np.abs(dw) / scale_w).max(axis=0)
+            ratio = size / largest[active] if attempt else np.ones(size.size)
             lost = ~np.isfinite(size) | (size > 0.5) | (attempt > 0) & (ratio > 0.7) & (size > 1e-11)
-            done = ~lost & ((size < 1e-14) | (size * np.minimum(ratio, 1) < 1e-16) | (attempt > 2) & (size < 1e-11) & (ratio > 0.3))
-            reason[active[lost]] = "threshold: Newton's method does not converge"
+            # a step that is small by chance promises nothing: no entry counts on more than four digits a round
+            done = ~lost & ((size < 1e-14) | (size * np.clip(ratio, 1e-4, 1) < 1e-16) | (attempt > 2) & (size < 1e-11) & (ratio > 0.3))
+            if lost.any():
+                reason[np.arange(batch)[active][lost]] = "threshold: Newton's method does not converge"
             largest[active] = size
             keep = ~(lost | done)
             if not keep.any():
                 break
-            slopes = None if (ratio[keep].max() > 1e-2 and size[keep].max() > 1e-9) else (slopes[0][:, keep], slopes[1][:, keep])
-            active = active[keep]
+            if np.median(ratio[keep] / 10 if attempt else size[keep]) > 1e-2 and size[keep].max() > 1e-9:
+                slopes = None
+            if not keep.all():
+                slopes = (slopes[0][:, keep], slopes[1][:, keep]) if slopes else None
+                active, dc, dw = np.arange(batch)[active][keep], dc[:, keep], dw[:, keep]
         else:
             reason[active] = "threshold: Newton's method does not converge"
         return Roots(control=control, frequency=frequency, control_step=steps[0], frequency_step=steps[1], reason=reason)
 
+    def from_onset(self) -> Roots:
+        """Return the root at the nominal values, from the printed onset and the slopes known there."""
+        control, frequency = self.onset
+        scale = abs(control[0, 0]) + self.width * 1e-3, abs(frequency[0, 0]) if self.hopf else 1.0
+        before = math.inf
+        for _ in range(4):
+            dc, dw = self.newton_step(self.residual(control, frequency, self.nominal_point), *self.slopes)
+            control, frequency = control - dc, frequency - dw
+            dc, dw = np.abs(dc), np.abs(dw)
+            size = float((dc / scale[0] + dw / scale[1]).max())
+            if size < 1e-10 and size * size < 1e-15 * before < math.inf or size < 1e-14:
+                return Roots(control=control, frequency=frequency, control_step=dc, frequency_step=dw, reason=np.array([""], dtype=object))
+            before = size
+        return self.corrected(*self.onset, self.nominal_point)
+
     # Coefficients
 
-    def values(self, roots: Roots, points: Array) -> tuple[dict[str, Array], list[tuple[Array, str]]]:
-        """Return the coefficients by both rules, shape (2, batch), and the entries that have none, with the reason."""
+    def values(self, roots: Roots, points: Array) -> tuple[dict[str, Array], Array, list[tuple[Array, str]]]:
+        """Return the coefficients, shape (rules, batch), how ill-conditioned the entries are, and those that have none, with the reason."""
         names = self.module.names
+        if self.explicit:
+            return self.explicit.values(roots.control, roots.frequency, jolted(points, len(roots.control)))
         a = self.algebra(roots.control, roots.frequency, points)
         result: dict[str, Array] = {}
         size = largest_of(names["mode"](a)) * largest_of(names["adjoint_mode"](a))
@@ -230,7 +274,7 @@ class Evaluator:
             result[identifier] = a.number(names[identifier](a))
         for name, _, _ in names["WEAK"]:
             result[name] = a.number(names[name](a))
-        return result, [*troubles, *a.troubles]
+        return result, 1 + size / np.abs(total).min(axis=0), [*troubles, *a.troubles]
 
     def contradictions(self, roots: Roots, points: Array) -> list[tuple[Array, str]]:
         """Return the entries at which redundant equations contradict each other, or the two senses of rotation differ, with the reason."""
@@ -258,7 +302,7 @@ class Evaluator:
             roots = self.corrected(*guess, self.nominal_point)
             if roots.reason[0]:
                 continue
-            values, _ = self.values(roots, self.nominal_point)
+            values, _, _ = self.values(roots, self.nominal_point)
             largest = max(np.abs(one).max() for one in values.values())
             spread = max(float(np.abs(one[0] - one[1]).max() / max(np.abs(one).max(), 1e-3 * largest, 1e-300)) for one in values.values())
             spread = max(spread, float(np.ptp(roots.control) / (np.abs(roots.control).max() + 1e-3 * self.width)))
@@ -295,7 +339,8 @@ class Evaluator:
     def led(self, points: Array) -> Roots:
         """Return the roots at `points`, with ever smaller steps for those that need them."""
         if (points == self.nominal_point).all():
-            return self.corrected(np.repeat(self.onset[0], len(points), axis=1), np.repeat(self.onset[1], len(points), axis=1), points)
+            roots = self.from_onset()
+            return roots if len(points) == 1 else roots.taken(np.zeros(len(points), dtype=int))
         roots = self.travelled(points, 4)
         for steps in (16, 64, 256):
             lost = np.flatnonzero(roots.reason != "")
@@ -307,8 +352,8 @@ class Evaluator:
             roots.reason[lost] = again.reason
         return roots
 
-    def gradients(self, roots: Roots, points: Array) -> tuple[Array, Array]:
-        """Return dc/dp and domega/dp of each parameter at roots, shape (2, batch, parameters): g_c dc + g_omega domega + g_p dp = 0."""
+    def gradients(self, roots: Roots, points: Array) -> tuple[Array, Array, tuple[Array, Array]]:
+        """Return dc/dp and domega/dp of each parameter at roots, shape (2, batch, parameters), with g_c dc + g_omega domega + g_p dp = 0, and g_c and g_omega."""
         value, by_control, by_frequency = self.derivatives(roots.control, roots.frequency, points)
         columns = []
         for k in range(points.shape[1]):
@@ -318,8 +363,8 @@ class Evaluator:
             slope = (self.residual(roots.control, roots.frequency, moved) - value) / h
             columns.append(self.newton_step(-slope, by_control, by_frequency))
         if not columns:
-            return np.zeros((*value.shape, 0)), np.zeros((*value.shape, 0))
-        return np.stack([one for one, _ in columns], axis=-1), np.stack([one for _, one in columns], axis=-1)
+            return np.zeros((*value.shape, 0)), np.zeros((*value.shape, 0)), (by_control, by_frequency)
+        return np.stack([one for one, _ in columns], axis=-1), np.stack([one for _, one in columns], axis=-1), (by_control, by_frequency)
 
     def follow(self, points: Array) -> tuple[Roots, Array, Array]:
         """Return the roots of all entries, the indices of the entries that lead, and for each entry the leaders from the nearest on, shape (batch, 3)."""
@@ -331,11 +376,20 @@ class Evaluator:
             order = np.argsort(leaders)
             return lead.taken(order), leaders, order[:, None]
         near = nearest(scaled, scaled[leaders], 3)
-        by_control, by_frequency = self.gradients(lead, points[leaders])
-        step = points - points[leaders[near[:, 0]]]
-        guess = (lead.control[:, near[:, 0]] + (by_control[:, near[:, 0]] * step).sum(axis=-1), lead.frequency[:, near[:, 0]] + (by_frequency[:, near[:, 0]] * step).sum(axis=-1))
-        parts = [self.corrected(guess[0][:, k:k + CHUNK], guess[1][:, k:k + CHUNK], points[k:k + CHUNK]) for k in range(0, len(points), CHUNK)]
-        roots = joined_roots(parts)
+        rules = 1 if self.explicit else 2
+        *slopes, jacobian = self.gradients(lead, points[leaders])
+        first = near[:, 0]
+        step = points - points[leaders[first]]
+        guess = [here[:rules, first] + (slope[:rules, first] * step).sum(axis=-1) for here, slope in zip((lead.control, lead.frequency), slopes, strict=True)]
+        start = [one[:rules, first] for one in jacobian] if self.explicit else None
+        if (lead.reason == "").all():
+            fit = fitted(points[leaders], np.stack([lead.control[0], lead.frequency[0]]), np.stack([one[0] for one in slopes]), points)
+            guess = guess if fit is None else [np.repeat(one[None], rules, axis=0) for one in fit]
+            fit = fitted(points[leaders], np.stack([one[0] for one in jacobian]), np.zeros((2, 0, 0)), points) if start else None
+            start = start if fit is None else [fit[:1], fit[1:]]
+        chunk = ROOTS_CHUNK if self.explicit else CHUNK
+        pieces = [slice(k, k + chunk) for k in range(0, len(points), chunk)]
+        roots = joined_roots([self.corrected(guess[0][:, some], guess[1][:, some], points[some], (start[0][:, some], start[1][:, some]) if start else None) for some in pieces])
         away = np.abs(roots.control - guess[0]).max(axis=0) / (np.abs(guess[0][0]) + 1e-2 * self.width)
         if self.hopf:
             away = np.maximum(away, np.abs(roots.frequency / guess[1] - 1).max(axis=0))
@@ -344,7 +398,7 @@ class Evaluator:
             some = doubtful[k:k + CHUNK]
             again = self.led(points[some])
             for whole, part in zip((roots.control, roots.frequency, roots.control_step, roots.frequency_step), (again.control, again.frequency, again.control_step, again.frequency_step), strict=True):
-                whole[:, some] = part
+                whole[:, some] = part[:rules]
             roots.reason[some] = again.reason
         return roots, leaders, near
 
@@ -352,6 +406,8 @@ class Evaluator:
 
     def determinant(self, control: Array, frequency: Array, points: Array) -> Array:
         """Return the phase of the critical determinant, by the first rule."""
+        if self.explicit:
+            return self.explicit.determinant(control, frequency, jolted(points, 1))
         a = self.algebra(control, frequency, points)
         operator = self.module.names["critical"](a)
         matrix = a.flow(operator)[1] if self.ends else a.table(operator.matrix)
@@ -404,6 +460,11 @@ class Evaluator:
         return int((np.diff(np.sign(turn)) != 0).sum())
 
 
+def jolted(points: Array, rules: int) -> list[Array]:
+    """Return each parameter by the rules, shape (rules, batch)."""
+    return [points[:, k] * JOLT[:rules, :, 0] for k in range(points.shape[1])]
+
+
 def spread_out(points: Array, count: int) -> Array:
     """Return the indices of entries that cover the batch, each the farthest from those before."""
     if len(points) <= count:
@@ -423,9 +484,40 @@ def nearest(points: Array, centres: Array, count: int) -> Array:
     """Return for each point the nearest centres, the nearest first."""
     parts = []
     for k in range(0, len(points), 4096):
-        distance = ((points[k:k + 4096, None, :] - centres) ** 2).sum(axis=-1)
-        parts.append(np.argsort(distance, axis=1)[:, :count])
+        distance = (centres**2).sum(axis=1) - 2 * points[k:k + 4096] @ centres.T  # less |point|^2
+        first = np.argpartition(distance, min(count, len(centres)) - 1, axis=1)[:, :count]
+        parts.append(np.take_along_axis(first, np.argsort(np.take_along_axis(distance, first, axis=1), axis=1), axis=1))
     return np.concatenate(parts)
+
+
+def fitted(places: Array, values: Array, gradients: Array, points: Array) -> Array | None:
+    """Return quantities at `points` by the polynomial in the parameters that fits values (quantities, leaders) and gradients, if any; None where it does not fit."""
+    low, high = places.min(axis=0), places.max(axis=0)
+    moving = np.flatnonzero(high > low)
+    middle, half = (low + high)[moving] / 2, (high - low)[moving] / 2
+    known = len(places) * (1 + moving.size) // 3 if gradients.size else len(places) // 2
+    degree = max(k for k in range(9) if math.comb(k + moving.size, k) <= max(1, known))
+    powers = [one for one in itertools.product(range(degree + 1), repeat=moving.size) if sum(one) <= degree] if moving.size < 5 else []
+    if len(powers) < 3:
+        return None
+    x = (places[:, moving] - middle) / half
+
+    def monomials(at: Array, less: int | None = None) -> Array:
+        table = at[..., None] ** np.arange(degree + 1)
+        one = np.ones((len(powers), len(at)))
+        for k in range(moving.size):
+            exponents = np.array([power[k] for power in powers])
+            one *= (exponents[:, None] * table[:, k, np.maximum(exponents - 1, 0)].T) if k == less else table[:, k, exponents].T
+        return one.T
+
+    sloping = list(enumerate(moving)) if gradients.size else []
+    system = np.concatenate([monomials(x), *(monomials(x, k) for k, _ in sloping)])
+    right = np.concatenate([values.T, *((gradients[:, :, j] * half[k]).T for k, j in sloping)])
+    found = np.linalg.lstsq(system, right, rcond=1e-13)[0]
+    left_over = np.abs(system @ found - right)[:len(places)].max(axis=0)
+    if not (left_over <= 1e-3 * np.abs(values).max(axis=1)).all():
+        return None
+    return np.concatenate([monomials((points[k:k + 4096, moving] - middle) / half) @ found for k in range(0, len(points), 4096)]).T
 
 
 def joined_roots(parts: list[Roots]) -> Roots:
@@ -480,6 +572,8 @@ def evaluate_batch(emitted: str | Path, parameters: Mapping[str, Any] | None = N
 
 def points_of(evaluator: Evaluator, parameters: Mapping[str, Any]) -> tuple[Array, tuple[int, ...]]:
     """Return the parameter values, shape (batch, parameters), and the shape of the batch."""
+    if not parameters:
+        return evaluator.nominal_point.copy(), ()
     names = evaluator.module.names
     arrays = []
     for name, values in parameters.items():
@@ -503,12 +597,15 @@ def points_of(evaluator: Evaluator, parameters: Mapping[str, Any]) -> tuple[Arra
 def computed(evaluator: Evaluator, points: Array, shape: tuple[int, ...]) -> BatchResult:
     """Return the result of a batch."""
     finite = np.asarray(np.isfinite(points).all(axis=1))
-    sound = np.where(finite[:, None], points, evaluator.nominal_point)
+    sound = points if finite.all() else np.where(finite[:, None], points, evaluator.nominal_point)
     roots, leaders, near = evaluator.follow(sound)
-    reason = np.where(finite, roots.reason, "parameters: found a value that is not finite").astype(object)
+    reason = roots.reason.copy()
 
     def refuse(where: Array, why: str) -> None:
-        reason[where & (reason == "")] = why
+        if np.any(where):
+            reason[where & (reason == "")] = why
+
+    reason[~finite] = "parameters: found a value that is not finite"
 
     low, high = evaluator.range
     control = roots.control[0]
@@ -519,11 +616,18 @@ def computed(evaluator: Evaluator, points: Array, shape: tuple[int, ...]) -> Bat
         crossed = first_instability(evaluator, roots, sound, leaders, near, reason)
         refuse(crossed != 0, "threshold: it is not known to be the first instability: another mode has crossed the axis before")
     good = np.flatnonzero(reason == "")
-    values, errors, troubles = evaluated(evaluator, roots, sound, good)
-    for where, why in troubles:
-        spots = good[where]
-        reason[spots[reason[spots] == ""]] = why
-    return assembled(evaluator, roots, values, errors, good, reason, dict(zip(evaluator.names, points.T, strict=True)), shape)
+    parameters = dict(zip(evaluator.names, points.T, strict=True))
+    if not good.size:
+        return assembled(evaluator, roots, None, good, reason, parameters, shape)
+    if good.size < len(points):
+        roots, sound = roots.taken(good), sound[good]
+    estimate = evaluated(evaluator, roots, sound)
+    poor = ~(estimate.spread <= 1e-5).all(axis=0)
+    for where, why in (*estimate.troubles, (poor, "double precision does not resolve the problem there; use evaluate(...), which raises precision and resolution")):
+        if where.any():
+            spots = good[where]
+            reason[spots[reason[spots] == ""]] = why
+    return assembled(evaluator, roots, estimate, good, reason, parameters, shape)
 
 
 def first_instability(evaluator: Evaluator, roots: Roots, points: Array, leaders: Array, near: Array, reason: Array) -> Array:
@@ -544,34 +648,82 @@ def first_instability(evaluator: Evaluator, roots: Roots, points: Array, leaders
     return result
 
 
-def evaluated(evaluator: Evaluator, roots: Roots, points: Array, good: Array) -> tuple[dict[str, Array], dict[str, Array], list[tuple[Array, str]]]:
-    """Return values and error estimates by identifier for the entries `good`, and the entries that have none, with the reason."""
-    parts = [evaluator.values(roots.taken(good[k:k + CHUNK]), points[good[k:k + CHUNK]]) for k in range(0, good.size, CHUNK)]
-    if not parts:
-        return {}, {}, []
-    values = {name: np.concatenate([part[0][name] for part in parts], axis=1) for name in parts[0][0]}
-    troubles = [(np.concatenate([part[1][k][0] for part in parts]), parts[0][1][k][1]) for k in range(len(parts[0][1]))]
-    sizes = {name: np.abs(both).max(axis=0) for name, both in values.items()}
-    scale = np.max(list(sizes.values()), axis=0)
-    spread = np.abs(np.diff(roots.control[:, good], axis=0)[0]) / (np.abs(roots.control[0, good]) + 1e-3 * evaluator.width)
-    for name, both in values.items():
-        spread = np.maximum(spread, np.abs(both[0] - both[1]) / (sizes[name] + 1e-3 * scale + 1e-300))
-    floor = SAFETY * (np.maximum(spread, np.sqrt(np.mean(spread**2)) if np.isfinite(spread).all() else 0) + 4 * EPSILON)
-    errors = {name: floor * (sizes[name] + 1e-3 * scale) for name in values}
-    poor = ~np.isfinite(spread) | (spread > 1e-5)
-    return values, errors, [*troubles, (poor, "double precision does not resolve the problem there; use evaluate(...), which raises precision and resolution")]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """Coefficients by identifier, relative differences of the two rules in control, frequency and coefficients, and the entries that have none."""
+
+    values: dict[str, Array]
+    spread: Array
+    """shape (3, batch)"""
+    troubles: list[tuple[Array, str]]
 
 
-def assembled(evaluator: Evaluator, roots: Roots, values: dict[str, Array], errors: dict[str, Array], good: Array, reason: Array, parameters: dict[str, Array], shape: tuple[int, ...]) -> BatchResult:
-    """Return the arrays in the shape of the parameters, NaN where there is a reason."""
+def spread_of(evaluator: Evaluator, roots: Roots, values: dict[str, Array]) -> Array:
+    """Return the relative differences of the two rules, the largest of all coefficients."""
+    result = np.zeros((3, roots.control.shape[1]))
+    result[0] = np.abs(roots.control[0] - roots.control[1]) / (np.abs(roots.control[0]) + 1e-3 * evaluator.width)
+    if evaluator.hopf:
+        result[1] = np.abs(roots.frequency[0] - roots.frequency[1]) / np.abs(roots.frequency[0])
+    every = np.stack(list(values.values()))
+    size = np.abs(every).max(axis=1)
+    result[2] = np.maximum(result[0], (np.abs(every[:, 0] - every[:, 1]) / (size + 1e-3 * size.max(axis=0) + 1e-300)).max(axis=0))
+    return result
+
+
+def evaluated(evaluator: Evaluator, roots: Roots, points: Array) -> Estimate:
+    """Return the coefficients at roots; by one rule, the differences at some entries give those of the others in proportion to how ill-conditioned these are."""
+    chunk = VALUES_CHUNK if evaluator.explicit else CHUNK
+    pieces = [slice(k, k + chunk) for k in range(0, len(points), chunk)]
+    parts = [evaluator.values(roots.taken(some), points[some]) for some in pieces]
+    if len(parts) == 1:
+        values, ill, troubles = parts[0]
+    else:
+        values = {name: np.concatenate([part[0][name] for part in parts], axis=1) for name in parts[0][0]}
+        ill = np.concatenate([part[1] for part in parts])
+        troubles = [(np.concatenate([part[2][k][0] for part in parts]), parts[0][2][k][1]) for k in range(len(parts[0][2]))]
+    if len(roots.control) == 2:
+        spread = spread_of(evaluator, roots, values)
+        mean = np.sqrt((spread[2] ** 2).mean())
+        spread[2] = np.maximum(spread[2], mean if np.isfinite(mean) else 0)
+        return Estimate(values=values, spread=spread, troubles=troubles)
+    if evaluator.hopf and evaluator.growth in values:
+        growth = values[evaluator.growth][0]
+        ill = ill * np.abs(growth / growth.real)
+    some = np.unique(np.concatenate([np.arange(0, len(points), max(1, len(points) // max(64, len(points) // 32))), np.argsort(ill)[-16:]]))
+    pair = evaluator.corrected(np.repeat(roots.control[:, some], 2, axis=0), np.repeat(roots.frequency[:, some], 2, axis=0), points[some])
+    seen = spread_of(evaluator, pair, evaluated(evaluator, pair, points[some]).values)
+    share = (seen / ill[some])[:, np.isfinite(seen).all(axis=0) & (pair.reason == "")]
+    spread = ill * share.max(axis=1, initial=0)[:, None]
+    spread[:, some] = np.maximum(spread[:, some], np.where(pair.reason == "", seen, np.inf))
+    return Estimate(values=values, spread=spread, troubles=troubles)
+
+
+def assembled(evaluator: Evaluator, roots: Roots, estimate: Estimate | None, good: Array, reason: Array, parameters: dict[str, Array], shape: tuple[int, ...]) -> BatchResult:
+    """Return the arrays in the shape of the parameters, NaN where there is a reason; roots and estimate are those of the entries `good`."""
     names = evaluator.module.names
     size = reason.size
+    refused = reason != ""
+    any_refused = bool(refused.any())
 
     def whole(one: Array, kind: type) -> Array:
+        if good.size == size and not any_refused:
+            return np.array(one, dtype=kind).reshape(shape)
         result: Array = np.full(size, np.nan, dtype=kind)
-        result[good] = one
-        result[reason != ""] = np.nan
+        if good.size:
+            result[good] = one
+        result[refused] = np.nan
         return result.reshape(shape)
+
+    values: dict[str, Array] = {}
+    errors: dict[str, Array] = {}
+    spread = np.zeros((3, 0))
+    if estimate is not None:
+        values, spread = estimate.values, estimate.spread
+        sizes = np.abs(np.stack(list(values.values()))).max(axis=1)
+        bounds = SAFETY * (spread[2] + 4 * EPSILON) * (sizes + 1e-3 * sizes.max(axis=0))
+        errors = dict(zip(values, bounds, strict=True))
+    else:
+        roots = roots.taken(good)
 
     pairs = {identifier: (name, monomial) for name, monomial, identifier in evaluator.listed}
     results: dict[str, tuple[Array, Array]] = {name: (values[name][0], errors[name]) for name in pairs if name in values} if good.size else {name: (np.zeros(0), np.zeros(0)) for name in pairs}
@@ -587,15 +739,15 @@ def assembled(evaluator: Evaluator, roots: Roots, values: dict[str, Array], erro
     coefficients = {pairs[key][0]: whole(one if evaluator.hopf else np.real(one), kind) for key, (one, _) in results.items()}
     margin = SAFETY * 4 * EPSILON
 
-    def error_of(both: Array, steps: Array) -> Array:
-        return SAFETY * np.abs(both[0] - both[1]) + np.minimum(steps.max(axis=0), 1e-6 * steps.max(axis=0) + 1e-9 * np.abs(both[0])) * 1e-3 + margin * np.abs(both[0])
+    def error_of(one: Array, apart: Array, steps: Array) -> Array:
+        return SAFETY * apart * np.abs(one) + 0.01 * steps.max(axis=0) + margin * np.abs(one)
 
-    control_error = error_of(roots.control, roots.control_step) + margin * 1e-3 * evaluator.width
-    frequency_error = error_of(roots.frequency, roots.frequency_step)
+    control_error = error_of(roots.control[0], spread[0], roots.control_step) + (margin + SAFETY * spread[0]) * 1e-3 * evaluator.width
+    frequency_error = error_of(roots.frequency[0], spread[1], roots.frequency_step)
     return BatchResult(
         problem=names["NAME"], kind=names["KIND"], multiplicity=names["MULTIPLICITY"], parameters={name: one.reshape(shape) for name, one in parameters.items()},
-        control=whole(roots.control[0, good], float), control_error=whole(control_error[good], float),
-        frequency=whole(roots.frequency[0, good], float) if evaluator.hopf else None, frequency_error=whole(frequency_error[good], float) if evaluator.hopf else None,
+        control=whole(roots.control[0], float), control_error=whole(control_error, float),
+        frequency=whole(roots.frequency[0], float) if evaluator.hopf else None, frequency_error=whole(frequency_error, float) if evaluator.hopf else None,
         monomials={name: monomial for name, monomial in pairs.values()}, coefficients=coefficients,
         errors={pairs[key][0]: whole(error, float) for key, (_, error) in results.items()}, reason=reason.reshape(shape),
     )

@@ -15,7 +15,7 @@ import mpmath
 import numpy as np
 from flint import arb
 
-from numerics import batch, doubles, sampled
+from numerics import batch, doubles, explicit, sampled
 from numerics.coefficients import Module, Resolution, Result, compute, evaluate, uniform
 from numerics.naive import Naive, Nested, NestedFiner, Sums, evaluate_naively
 from numerics.precision import EvaluationError, bits_of, working_precision
@@ -190,7 +190,7 @@ def compared(values: Values, reference: Values) -> tuple[float, float | None, tu
 def forget() -> None:
     """Drop what routes keep between calls, so that the next call is cold."""
     batch.evaluator_of.cache_clear()
-    for one in (doubles.rules_of, doubles.reading_at, doubles.series_of):
+    for one in (doubles.rules_of, doubles.reading_at, doubles.series_of, explicit.series):
         one.cache_clear()
     sampled._NODES.clear()
 

@@ -14,6 +14,7 @@ from numerics.bench import Measurement, Route, compared, diagram, measure, of_re
 from numerics.naive import Nested, Sums, evaluate_naively
 
 
+@pytest.mark.slow
 def test_exponential_sums_in_mpmath_confirm_thirty_digits_of_the_filament():
     control, frequency, coefficients = evaluate_naively(derivation_of("follower_force").emit(), Sums, 34)
     result = result_of("follower_force", 30)
@@ -44,6 +45,7 @@ def test_heavy_column_is_that_of_bessel_functions():
         assert abs(mp.mpf(text) - exact) < mp.mpf("1e-17")
 
 
+@pytest.mark.slow
 def test_nested_quadrature_needs_only_the_emitted_text():
     control, frequency, coefficients = evaluate_naively(derivation_of("heavy_column").emit(), Nested, 15)
     assert frequency is None
