@@ -172,6 +172,7 @@ MAX_PANELS = 1200
 GUARD = 48
 SMALL_GUARD = 160
 CLOSE = 1e-3
+TELLS_ZERO = 80  # bits that tell a small coefficient of A**2 from zero
 SINGULAR = "a division by zero: a coefficient of the equations is singular on the interval"
 
 
@@ -233,7 +234,7 @@ def compute(module: Module, route: str, goal: int, guard: int, resolution: Resol
         check_simple(module, a, module.xi(a))
         if module.QUADRATIC is not None:
             value = module.coefficient_A2(a)
-            quadratic_zero = vanishes(module, top.build, root, value, goal)
+            quadratic_zero = module.names.get("ODD", False) or vanishes(module, top.build, root, value, goal)
             if not quadratic_zero:
                 values["coefficient_A2"] = value
         wanted = [identifier for name, monomial, identifier in module.COEFFICIENTS if (quadratic_zero or monomial != "A**3") and (not only or {name, monomial} & set(only))]
@@ -264,11 +265,11 @@ def check_consistent(module: Module, a: Algebra, values: dict[str, acb], quadrat
 
 
 def vanishes(module: Module, build: Build, root: Root, value: acb, goal: int) -> bool:
-    """Tell whether the coefficient of A**2 is zero: what rounding leaves of zero has no digit in common with the value beside the threshold."""
+    """Tell whether the coefficient of A**2 is zero: what rounding and the error of the threshold leave of zero has no digit in common with the value beside it."""
     size = abs(value).mid()
     if size == 0 or size > arb(2) ** (-goal // 8):
         return bool(size == 0)
-    a = build(acb((root.control + module.width * arb(2) ** (-goal // 2)).mid()), acb(root.frequency))
+    a = build(acb((root.control + (abs(root.control) + module.width) * arb(2) ** -goal).mid()), acb(root.frequency))
     return bool(abs(module.coefficient_A2(a) - value).mid() > size * arb(2) ** (-goal // 4))
 
 
@@ -343,7 +344,7 @@ def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: s
 
 def evaluate_route(module: Module, digits: int, route: str, near: tuple[str, str | None] | None = None, only: tuple[str, ...] = ()) -> Result:
     """Return the result of one route, raising precision and resolution until two computations agree to the digits."""
-    goal = bits_of(digits + 3)
+    goal = max(bits_of(digits + 3), TELLS_ZERO if module.QUADRATIC is not None and not module.names.get("ODD", False) else 0)
     guard, sampled = GUARD, module.SPATIAL and route != "closed"
     with working_precision(max(goal, 96)):
         control, frequency = near if near is not None else module.ONSET
