@@ -354,6 +354,7 @@ class Spectrum:
         self.pencils = {weight: Pencil(operator, formulation) for weight, operator in operators.items()}
         self.formulation = formulation
         self.ladders: dict[Pencil, tuple[Mesh, ...]] = {}  # the meshes that are still of use: the first two are compared
+        self.scales: dict[Pencil, float] = {}
         self.known: dict[Pencil, list[complex]] = {}
         self.bases = compiled((formulation.space, formulation.control), [base.subs(formulation.parameters) for base in formulation.base])
 
@@ -401,13 +402,15 @@ class Spectrum:
             if not len(fine):
                 return []
             distance = np.abs(fine[:, None] - coarse[None, :]).min(axis=1) if len(coarse) else np.full(len(fine), np.inf)
-            agreed = distance <= 1e-5 * (1 + np.abs(fine))
+            # what counts as equal, and as zero, is measured by the second smallest eigenvalue met on the way
+            scale = self.scales[pencil] = max(self.scales.get(pencil, 0.0), float(np.sort(np.abs(fine))[:2][-1]))
+            agreed = distance <= 1e-5 * (scale + np.abs(fine))
             good = fine[agreed]
             if len(good):
                 # Discretisation spoils large eigenvalues first: an unresolved one counts only among the smallest.
                 reach = 2 * np.sort(np.abs(good))[min(len(good), 6) - 1]
                 doubtful = fine[~agreed & (np.abs(fine) <= reach)]
-                if not np.any(doubtful.real > good.real.max() + AXIS):
+                if not np.any(doubtful.real > good.real.max() + AXIS * scale):
                     return sorted((complex(value) for value in good), key=lambda z: -z.real)[:40]
             elif np.abs(fine).min() > 1e6:
                 return []
