@@ -58,10 +58,10 @@ class ExponentialSum:
             right = [(m, b[0]) for m, b in other.terms.items()]
             sums: dict[int, acb] = {}
             for k, (factor,) in self.terms.items():
-                for m, c in right:
+                for m, own in right:
                     key = k + m
-                    sums[key] = sums[key] + factor * c if key in sums else factor * c
-            return ExponentialSum(self.algebra, {key: [c] for key, c in sums.items()})
+                    sums[key] = sums[key] + factor * own if key in sums else factor * own
+            return ExponentialSum(self.algebra, {key: [total] for key, total in sums.items()})
         terms: dict[int, list[acb]] = {}
         for k, a in self.terms.items():
             for m, b in other.terms.items():

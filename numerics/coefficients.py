@@ -333,7 +333,8 @@ def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: s
             raise EvaluationError("certify: found it with near or only; expected all coefficients at the first loss of stability")
         from numerics.certified import evaluate_certified
 
-        return evaluate_certified(module, digits, route, count)
+        result = evaluate_certified(module, digits, route, count)
+        return with_close_calls(module, result) if count else result
     if route != "auto":
         return evaluate_route(module, digits, route, near, only)
     try:
@@ -467,6 +468,19 @@ def close_calls(module: Module, route: str, resolution: Resolution, root: Root, 
             warnings.append(f"another eigenvalue, {value}, is within a relative distance of {distance} of the imaginary axis at the threshold: two modes are nearly critical together; "
                             "the amplitude equation of one holds in a range smaller than that")
     return tuple(warnings)
+
+
+def with_close_calls(module: Module, result: Result) -> Result:
+    """Return a certified result with the warnings of `close_calls`; the distances are not proved."""
+    route = "closed" if result.route == "closed" else "chebyshev"
+    with working_precision(160):
+        control, frequency = arb(result.threshold.control).mid(), arb(result.threshold.frequency or 0).mid()
+        breaks = adapted(module, route, (control, frequency if result.threshold.frequency else None), None) if module.SPATIAL and route != "closed" else UNIFORM
+    root = Root(control=control, frequency=frequency, error=arb(0), steps=0, slopes=(acb(0), acb(0)), slopes_bits=0)
+    try:
+        return replace(result, warnings=(*result.warnings, *close_calls(module, route, Resolution(nodes=nodes_for(60), breaks=breaks), root, True)))
+    except NotClosed:
+        return result
 
 
 def cut(resolution: Resolution, unresolved: frozenset[int]) -> Resolution:

@@ -1,15 +1,18 @@
 """Where the problem is nasty: right digits against an independent value, or a clear refusal."""
 
+import json
 from decimal import Decimal
 from fractions import Fraction
 from functools import cache
 
 import pytest
+from click.testing import CliRunner
 from conftest import derivation_of
 from mpmath import mp
 from sympy import Rational, Symbol, exp, pi, symbols, tanh
 
 from derive import Problem, derive_amplitude_equation, field
+from derive.cli import main
 from derive.problem import DerivationError, ProblemError
 from numerics import EvaluationError, evaluate
 from tests.normal_form import Flow, normal_form
@@ -119,6 +122,22 @@ def test_a_hopf_bifurcation_near_a_steady_one_is_warned_of(unit):
     assert not evaluate(slow_text("1e-2", unit), digits=12).warnings
     (line,) = (line for line in evaluate(slow_text("1e-8", unit), digits=12).warnings if "steady instability" in line)
     assert float(line.split("about ")[1].split()[0]) == pytest.approx(1e-4, rel=0.05)
+
+
+@pytest.mark.parametrize("command", [["coefficients"], ["coefficients", "--certify"], ["states", "--mu", "1/1000"]])
+def test_warnings_go_to_standard_error_and_json_alone_to_standard_output(command, write_problem):
+    path = write_problem("""from sympy import Rational, Symbol, symbols
+from derive import Problem, field
+t, c = symbols("t", real=True), Symbol("c", real=True)
+x = field("x", t)
+problem = Problem(name="slow", time=t, control=c, control_range=(-1, 1), fields=(x,), base_state={x: 0}, normalisation=(x, None),
+                  equations=(x.diff(t, 2) + x / 10**8 - (c - x**2) * x.diff(t) + x**3,))
+""")
+    name, *options = command
+    done = CliRunner().invoke(main, [name, path, *options, "--json"])
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)
+    assert "steady instability is close" in done.stderr and "warning" in done.stderr
 
 
 def nearly_double(d):
