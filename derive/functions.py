@@ -33,9 +33,9 @@ class Functions:
     def derivative(self, expression: Expr, order: int = 1) -> Expr:
         """Return the space derivative of an expression over named functions."""
         for _ in range(order):
-            total = expression.diff(self.space)
+            total = expression.diff(self.space) if self.space in expression.free_symbols else Integer(0)
             for symbol in sorted(expression.free_symbols, key=lambda item: item.name):  # type: ignore[attr-defined]
-                if symbol in self.slopes:
+                if self.slopes.get(symbol, Integer(0)) != 0:
                     total += expression.diff(symbol) * self.slopes[symbol]
             expression = total
         return expression

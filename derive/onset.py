@@ -8,6 +8,7 @@ the digits come from `numerics.threshold`.
 
 from __future__ import annotations
 
+import contextlib
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,6 +26,10 @@ from derive.problem import DerivationError, Formulation, ProblemError
 
 SCAN = 61
 NODES = (28, 44, 72, 120, 200)
+PANEL_NODES = (8, 12, 16)
+MOST_PANELS = 64
+RESOLVED = 1e-8
+GROWTH = 8.0
 AXIS = 1e-6
 SHIFT = 0.6180339887498949
 
@@ -41,6 +46,30 @@ class Onset:
     control: float
     frequency: float | None
     other_eigenvalues: tuple[complex, ...]  # the rightmost of those that stay stable
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mesh:
+    """Panels between `breaks` (shares of the interval, from 0 to 1) with so many Chebyshev nodes each."""
+
+    breaks: tuple[float, ...]
+    nodes: int
+
+    @property
+    def size(self) -> int:
+        """Return the number of all nodes."""
+        return (len(self.breaks) - 1) * self.nodes
+
+    def integration(self, left: float, right: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the nodes and the matrix of integrals from the left end to each node and, last, to the right end."""
+        points, cumulative = integration(self.nodes)
+        places, total = np.empty(self.size), np.zeros((self.size + 1, self.size))
+        for k, (low, high) in enumerate(zip(self.breaks, self.breaks[1:], strict=False)):
+            half, own = (right - left) * (high - low) / 2, slice(k * self.nodes, (k + 1) * self.nodes)
+            places[own] = left + (right - left) * low + half * (points + 1)
+            total[own, own] = half * cumulative[:-1]
+            total[own.stop:, own] = half * cumulative[-1]
+        return places, total
 
 
 class Pencil:
@@ -84,30 +113,80 @@ class Pencil:
 
     def table(self, s: NDArray[np.float64] | float, control: float) -> list[list[list[NDArray[np.complex128]]]]:
         """Return [row][column][power of lambda] at the nodes `s`."""
-        with np.errstate(all="ignore"), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            try:
-                found = self.entries(s, control + 0j)
-            except ZeroDivisionError as singular:
-                raise FloatingPointError from singular
-        values = np.empty((len(found), *np.shape(s)), dtype=complex)
-        for k, value in enumerate(found):
-            values[k] = value
+        values = self.evaluated(s, control + 0j)
+        if not np.isfinite(values).all() and self.spatial:  # exp(1000 s)/(1 + exp(1000 s)) is in the range of a long double
+            values = self.evaluated(np.asarray(s, dtype=np.longdouble), np.clongdouble(control))
         if not np.isfinite(values).all():
             raise FloatingPointError
         iterator = iter(values)
         return [[[next(iterator) for _ in range(self.degree + 1)] for _ in range(width)] for width in self.width]
 
-    def matrices(self, control: float, nodes: int) -> list[NDArray[np.complex128]]:
-        """Return the matrices K_0, K_1, ... of the discretised problem sum_k lambda^k K_k v = 0."""
+    def evaluated(self, s: Any, control: Any) -> NDArray[np.complex128]:
+        """Return all entries at the places `s`, in their precision; what is not finite is left to the caller."""
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                found = self.entries(s, control)
+            except ZeroDivisionError as singular:
+                raise FloatingPointError from singular
+            values = np.empty((len(found), *np.shape(s)), dtype=complex)
+            for k, value in enumerate(found):
+                values[k] = value
+        return values
+
+    def ladder(self, control: float) -> tuple[Mesh, ...]:
+        """Return meshes of growing resolution: the whole interval, or panels where a coefficient has layers; at last panels graded towards both ends."""
+        low, high = (float(end) for end in self.formulation.control_range)
+        found = set(self.panels(control))
+        with contextlib.suppress(FloatingPointError):  # a layer may be in what the control multiplies, and not be there at 0
+            found |= set(self.panels(low + SHIFT * (high - low)))
+        breaks = tuple(sorted(found))
+        first = tuple(Mesh(breaks=breaks, nodes=nodes) for nodes in (NODES if len(breaks) == 2 else PANEL_NODES))
+        dyadic = [2.0**-k for k in range(10, 0, -1)]
+        graded = tuple(sorted({*breaks, *dyadic, *(1 - x for x in dyadic)}))
+        return (*first, *(Mesh(breaks=graded, nodes=nodes) for nodes in PANEL_NODES[:2]))
+
+    def panels(self, control: float) -> tuple[float, ...]:
+        """Return the breaks of panels on which every coefficient is resolved."""
+        left, right = self.interval
+        if self.tail(control, left, right, NODES[2]) <= RESOLVED:
+            return (0.0, 1.0)
+        done, pending = [0.0], [(0.5, 1.0), (0.0, 0.5)]
+        while pending:
+            low, high = pending.pop()
+            ends = left + (right - left) * low, left + (right - left) * high
+            if high - low > 2.0**-16 and len(done) + len(pending) < MOST_PANELS and self.tail(control, *ends, PANEL_NODES[-1]) > RESOLVED:
+                pending += [((low + high) / 2, high), (low, (low + high) / 2)]
+            else:
+                done.append(high)
+        return tuple(done)
+
+    def tail(self, control: float, left: float, right: float, nodes: int) -> float:
+        """Return the last Chebyshev coefficients of the entries on a panel, relative to their largest values."""
+        points, _ = integration(nodes)
+        transform = np.polynomial.chebyshev.chebvander(points, nodes - 1)[:, -3:].T * (2.0 / nodes)
+        values = [entry for row in self.table(left + (right - left) * (points + 1) / 2, control) for line in row for entry in line]
+        return max((float(np.abs(transform @ entry).max() / np.abs(entry).max()) for entry in values if np.any(entry)), default=0.0)
+
+    def matrices(self, control: float, mesh: Mesh | None) -> list[NDArray[Any]]:
+        """Return the matrices K_0, K_1, ... of the discretised problem sum_k lambda^k K_k v = 0; `mesh` is None without space.
+
+        Where the coefficients make all solutions grow (or decay) by a large factor e^g, the unknown is y exp(-int sigma), sigma = tr P / n:
+        the eigenvalues are the same, and rounding is not amplified by that factor.
+        """
         n = self.size
-        if not self.spatial:
+        if mesh is None:
             table = self.table(0.0, control)
             return [np.array([[table[i][j][k] for j in range(n)] for i in range(n)], dtype=complex) for k in range(self.degree + 1)]
         left, right = self.interval
-        points, cumulative = integration(nodes)
-        points, cumulative = left + (right - left) * (points + 1) / 2, cumulative * (right - left) / 2
+        nodes = mesh.size
+        points, cumulative = mesh.integration(left, right)
         table = self.table(points, control)
+        shift = mean_exponent(table)
+        if abs(cumulative[-1] @ shift) > GROWTH:
+            for i in range(n):
+                for k in range(self.degree + 1):
+                    table[i][i][k] = table[i][i][k] - shift * table[i][n][k]
         ends = [self.table(np.array([place]), control) for place in (left, right)]
         total = n * (nodes + 1)
         result = []
@@ -132,13 +211,13 @@ class Pencil:
                         matrix[row, n * nodes + j] += entry
                     row += 1
             result.append(matrix)
-        return result
+        return result if any(np.any(matrix.imag) for matrix in result) else [matrix.real for matrix in result]
 
-    def eigenvalues(self, control: float, nodes: int) -> NDArray[np.complex128]:
+    def eigenvalues(self, control: float, mesh: Mesh | None) -> NDArray[np.complex128]:
         """Return the finite eigenvalues at one control and one resolution."""
         if self.size == 0:
             return np.zeros(0, dtype=complex)
-        matrices = self.matrices(control, nodes)
+        matrices = self.matrices(control, mesh)
         held = np.flatnonzero(sum((np.abs(matrix).sum(axis=1) for matrix in matrices[1:]), np.zeros(len(matrices[0]))))
         if not len(held):
             return np.zeros(0, dtype=complex)
@@ -159,7 +238,7 @@ class Pencil:
         values = np.where(np.abs(values) < 1e-17, 0, values)  # what is left of an eigenvalue zero
         return np.concatenate([*found, values])
 
-    def shifted_eigenvalues(self, matrices: list[NDArray[np.complex128]], held: NDArray[np.intp], degree: int, shift: float) -> NDArray[np.complex128]:
+    def shifted_eigenvalues(self, matrices: list[NDArray[Any]], held: NDArray[np.intp], degree: int, shift: float) -> NDArray[np.complex128]:
         """Return the eigenvalues from the inverse at a shift, restricted to the equations that hold lambda."""
         # Coefficients in mu = lambda - shift.
         shifted = []
@@ -170,7 +249,7 @@ class Pencil:
             shifted.append(total)
         scale = np.abs(shifted[0]).max(axis=1)
         scale[scale == 0] = 1
-        identity = np.zeros((len(scale), len(held)), dtype=complex)
+        identity = np.zeros((len(scale), len(held)))
         identity[held, np.arange(len(held))] = 1 / scale[held]
         try:
             inverse = np.linalg.solve(shifted[0] / scale[:, None], identity)
@@ -179,7 +258,7 @@ class Pencil:
         if not np.all(np.isfinite(inverse)):
             return np.array([np.nan + 0j])
         m = len(held)
-        companion = np.zeros((degree * m, degree * m), dtype=complex)
+        companion = np.zeros((degree * m, degree * m), dtype=inverse.dtype)
         for k in range(1, degree + 1):
             companion[:m, (k - 1) * m:k * m] = -(shifted[k][held] @ inverse)
         companion[m:, :-m] = np.eye((degree - 1) * m)
@@ -188,6 +267,15 @@ class Pencil:
             theta = theta[np.argsort(-np.abs(theta), kind="stable")[:self.finite]]
         theta = theta[np.abs(theta) > 1e-13 * max(1.0, float(np.abs(theta).max(initial=0.0)))]
         return shift + 1 / theta
+
+
+def mean_exponent(table: list[list[list[NDArray[np.complex128]]]]) -> NDArray[np.float64]:
+    """Return tr P / n without lambda, at the nodes; 0 where lambda multiplies a slope."""
+    n = len(table[0]) - 1
+    slopes = [table[i][n][0] for i in range(n)]
+    if any(np.any(table[i][n][k]) for i in range(n) for k in range(1, len(table[i][n]))) or not all(np.all(slope) for slope in slopes):
+        return np.zeros(len(slopes[0]))
+    return sum((table[i][i][0].real / slopes[i].real for i in range(n)), np.zeros(len(slopes[0]))) / n
 
 
 def finite_eigenvalues(operator: AlgebraicOperator, formulation: Formulation) -> int:
@@ -266,7 +354,8 @@ class Spectrum:
     def __init__(self, operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], formulation: Formulation) -> None:
         self.pencils = {weight: Pencil(operator, formulation) for weight, operator in operators.items()}
         self.formulation = formulation
-        self.level = 0
+        self.ladders: dict[Pencil, tuple[Mesh, ...]] = {}  # the meshes that are still of use: the first two are compared
+        self.scales: dict[Pencil, float] = {}
         self.known: dict[Pencil, list[complex]] = {}
         self.bases = compiled((formulation.space, formulation.control), [base.subs(formulation.parameters) for base in formulation.base])
 
@@ -299,7 +388,7 @@ class Spectrum:
     def resolved(self, pencil: Pencil, control: float) -> list[complex]:
         """Return the eigenvalues that two resolutions agree on; refine until no other could be the rightmost."""
         if not pencil.spatial:
-            return [complex(value) for value in pencil.eigenvalues(control, 0)]
+            return [complex(value) for value in pencil.eigenvalues(control, None)]
         if pencil.constant and pencil in self.known:
             return self.known[pencil]
         self.known[pencil] = self.converged(pencil, control)
@@ -307,25 +396,31 @@ class Spectrum:
 
     def converged(self, pencil: Pencil, control: float) -> list[complex]:
         """Return the eigenvalues that two resolutions agree on, raising the resolution where they do not."""
+        meshes = self.ladders.get(pencil) or pencil.ladder(control)
         while True:
-            coarse = pencil.eigenvalues(control, NODES[self.level])
-            fine = pencil.eigenvalues(control, NODES[self.level + 1])
+            self.ladders[pencil] = meshes
+            coarse, fine = (pencil.eigenvalues(control, mesh) for mesh in meshes[:2])
             if not len(fine):
                 return []
             distance = np.abs(fine[:, None] - coarse[None, :]).min(axis=1) if len(coarse) else np.full(len(fine), np.inf)
-            agreed = distance <= 1e-5 * (1 + np.abs(fine))
+            # what counts as equal, and as zero, is measured by the second smallest eigenvalue met on the way
+            scale = self.scales[pencil] = max(self.scales.get(pencil, 0.0), float(np.sort(np.abs(fine))[:2][-1]))
+            agreed = distance <= 1e-5 * (scale + np.abs(fine))
             good = fine[agreed]
             if len(good):
                 # Discretisation spoils large eigenvalues first: an unresolved one counts only among the smallest.
                 reach = 2 * np.sort(np.abs(good))[min(len(good), 6) - 1]
                 doubtful = fine[~agreed & (np.abs(fine) <= reach)]
-                if not np.any(doubtful.real > good.real.max() + AXIS):
+                if not np.any(doubtful.real > good.real.max() + AXIS * scale):
                     return sorted((complex(value) for value in good), key=lambda z: -z.real)[:40]
             elif np.abs(fine).min() > 1e6:
                 return []
-            if self.level + 2 >= len(NODES):
+            if len(meshes) == 2 and not len(good):
+                raise DerivationError(f"threshold: found eigenvalues at {self.formulation.problem.control} = {control:.10g} that {meshes[1].size} nodes do not resolve; "
+                                      "expected a mode that is smooth on that scale")
+            if len(meshes) == 2:
                 return sorted((complex(value) for value in good), key=lambda z: -z.real)[:40]
-            self.level += 1
+            meshes = meshes[1:]
 
     def check_pointwise(self, control: float, name: Symbol) -> None:
         """Refuse a state that loses stability at single points of the interval: no boundary-value problem, no mode."""

@@ -54,20 +54,24 @@ class ExponentialSum:
         if not isinstance(other, ExponentialSum):
             return ExponentialSum(self.algebra, {key: [c * other for c in a] for key, a in self.terms.items()})
         self.algebra.counts["products"] = self.algebra.counts.get("products", 0) + 1
+        if self.plain() and other.plain():
+            right = [(m, b[0]) for m, b in other.terms.items()]
+            sums: dict[int, acb] = {}
+            for k, (factor,) in self.terms.items():
+                for m, own in right:
+                    key = k + m
+                    sums[key] = sums[key] + factor * own if key in sums else factor * own
+            return ExponentialSum(self.algebra, {key: [total] for key, total in sums.items()})
         terms: dict[int, list[acb]] = {}
         for k, a in self.terms.items():
             for m, b in other.terms.items():
-                c = [a[0] * b[0]] if len(a) == 1 == len(b) else convolve(a, b)
-                key = k + m
-                if key in terms:
-                    before = terms[key]
-                    if len(before) == 1 == len(c):
-                        before[0] = before[0] + c[0]
-                    else:
-                        terms[key] = add(before, c)
-                else:
-                    terms[key] = c
+                key, c = k + m, convolve(a, b)
+                terms[key] = add(terms[key], c) if key in terms else c
         return ExponentialSum(self.algebra, terms)
+
+    def plain(self) -> bool:
+        """Tell whether no exponential is multiplied by a power of x."""
+        return all(len(a) == 1 for a in self.terms.values())
 
     def __rmul__(self, other: Any) -> ExponentialSum:
         return self * other
@@ -144,6 +148,8 @@ class ExponentialSum:
 
 def add(a: list[acb], b: list[acb]) -> list[acb]:
     """Return the sum of two coefficient lists."""
+    if len(a) == 1 == len(b):
+        return [a[0] + b[0]]
     if len(a) < len(b):
         a, b = b, a
     return [c + b[k] if k < len(b) else c for k, c in enumerate(a)]

@@ -172,6 +172,9 @@ MAX_PANELS = 1200
 GUARD = 48
 SMALL_GUARD = 160
 CLOSE = 1e-3
+DEFECT = 1e-15
+TELLS_ZERO = 80  # bits that tell a small coefficient of A**2 from zero
+DEFECTIVE = "threshold: found a vanishing product of direct and adjoint mode: the critical eigenvalue is defective; expected a simple one"
 SINGULAR = "a division by zero: a coefficient of the equations is singular on the interval"
 
 
@@ -230,10 +233,10 @@ def compute(module: Module, route: str, goal: int, guard: int, resolution: Resol
         a = top.build(acb(root.control), acb(root.frequency))
         values: dict[str, acb] = {}
         quadratic_zero = True
-        check_simple(module, a, module.xi(a))
+        check_simple(module.xi(a))
         if module.QUADRATIC is not None:
             value = module.coefficient_A2(a)
-            quadratic_zero = vanishes(module, top.build, root, value, goal)
+            quadratic_zero = module.names.get("ODD", False) or vanishes(module, top.build, root, value, goal)
             if not quadratic_zero:
                 values["coefficient_A2"] = value
         wanted = [identifier for name, monomial, identifier in module.COEFFICIENTS if (quadratic_zero or monomial != "A**3") and (not only or {name, monomial} & set(only))]
@@ -256,19 +259,19 @@ def check_consistent(module: Module, a: Algebra, values: dict[str, acb], quadrat
                 raise EvaluationError("rotation_axis: found different coefficients for the two senses of rotation: the problem is not unchanged by reflections, and its amplitude "
                                       "equation is not of this class; drop rotation_axis")
     demands = [*module.consistency(a), *(module.consistency_cubic(a) if quadratic_zero else ())]
+    reference = max((largest(one) for one in module.mode(a)), default=1.0) if demands else 1.0
     for labels, condition in demands:
         size = largest(condition)
-        reference = max((largest(one) for one in module.mode(a)), default=1.0)
         if size > 2.0 ** (-min(tolerance_bits // 2, 300)) * max(1.0, reference) ** 2:
             raise EvaluationError(f"equations: {labels} contradict each other beyond the linear terms (residual {size:.3g}); expected redundant equations to follow from the others")
 
 
 def vanishes(module: Module, build: Build, root: Root, value: acb, goal: int) -> bool:
-    """Tell whether the coefficient of A**2 is zero: what rounding leaves of zero has no digit in common with the value beside the threshold."""
+    """Tell whether the coefficient of A**2 is zero: what rounding and the error of the threshold leave of zero has no digit in common with the value beside it."""
     size = abs(value).mid()
     if size == 0 or size > arb(2) ** (-goal // 8):
         return bool(size == 0)
-    a = build(acb((root.control + module.width * arb(2) ** (-goal // 2)).mid()), acb(root.frequency))
+    a = build(acb((root.control + (abs(root.control) + module.width) * arb(2) ** -goal).mid()), acb(root.frequency))
     return bool(abs(module.coefficient_A2(a) - value).mid() > size * arb(2) ** (-goal // 4))
 
 
@@ -283,12 +286,10 @@ def largest(value: Any) -> float:
     return max((float(abs(value.at(value.algebra.length * k / 7).mid())) for k in range(8)), default=0.0)
 
 
-def check_simple(module: Module, a: Algebra, total: acb) -> None:
-    """Refuse a defective critical eigenvalue: the adjoint product of direct and adjoint mode vanishes."""
-    mode, adjoint = module.mode(a), module.adjoint_mode(a)
-    size = max(largest(one) for one in mode) * max(largest(one) for one in adjoint)
-    if not float(abs(total.mid())) > 1e-14 * size:
-        raise EvaluationError("threshold: found a vanishing product of direct and adjoint mode: the critical eigenvalue is defective; expected a simple one")
+def check_simple(total: acb) -> None:
+    """Refuse a defective critical eigenvalue: the adjoint product of direct and adjoint mode vanishes. How near it is to that `close_calls` tells."""
+    if total.mid() == 0 or not total.is_finite():
+        raise EvaluationError(DEFECTIVE)
 
 
 def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: str = "auto", certify: bool = False, count: bool = True,
@@ -332,7 +333,8 @@ def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: s
             raise EvaluationError("certify: found it with near or only; expected all coefficients at the first loss of stability")
         from numerics.certified import evaluate_certified
 
-        return evaluate_certified(module, digits, route, count)
+        result = evaluate_certified(module, digits, route, count)
+        return with_close_calls(module, result) if count else result
     if route != "auto":
         return evaluate_route(module, digits, route, near, only)
     try:
@@ -343,7 +345,7 @@ def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: s
 
 def evaluate_route(module: Module, digits: int, route: str, near: tuple[str, str | None] | None = None, only: tuple[str, ...] = ()) -> Result:
     """Return the result of one route, raising precision and resolution until two computations agree to the digits."""
-    goal = bits_of(digits + 3)
+    goal = max(bits_of(digits + 3), TELLS_ZERO if module.QUADRATIC is not None and not module.names.get("ODD", False) else 0)
     guard, sampled = GUARD, module.SPATIAL and route != "closed"
     with working_precision(max(goal, 96)):
         control, frequency = near if near is not None else module.ONSET
@@ -380,32 +382,105 @@ def evaluate_route(module: Module, digits: int, route: str, near: tuple[str, str
     raise EvaluationError(f"{module.NAME}: {digits} digits by {route} are not reached: {reason}; ask for fewer digits or another route")
 
 
-def close_calls(module: Module, route: str, resolution: Resolution, root: Root, first: bool) -> tuple[str, ...]:
-    """Return a warning with the distance for each resonance that is close: D_h = 0 for a harmonic h at a control or frequency near the threshold."""
-    warnings = []
-    level = level_of(module, route, 40, Resolution(nodes=nodes_for(60), breaks=resolution.breaks), GUARD)
-    with working_precision(level.bits):
-        control, frequency = root.control, root.frequency
-        step_control = ((abs(control) + module.width * arb(2) ** -8) * arb(2) ** -24).mid()
-        step_frequency = (abs(frequency) * arb(2) ** -24).mid()
-        for name in sorted(one for one in module.names if one.startswith("operator_")):
-            def value(c: arb, w: arb, name: str = name) -> acb:
-                a = level.build(acb(c.mid()), acb(w.mid()))
-                return midpoint(a.determinant(module.names[name](a)))  # type: ignore[attr-defined]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Neighbourhood:
+    """The threshold and what distances from it are measured by: in control, the way from the lower end of the range."""
 
-            here = value(control, frequency)
-            slopes = [(abs(value(control + step_control, frequency) - here) / step_control).mid() * max_of(abs(control), module.width * arb(2) ** -8)]
-            if step_frequency != 0:
-                slopes.append((abs(value(control, frequency + step_frequency) - here) / step_frequency).mid() * abs(frequency))
-            slope = max(float(one.mid() / abs(here).mid()) if here != 0 else float("inf") for one in slopes)
-            if slope * CLOSE > 1:
-                warnings.append(f"the linear problem of harmonic {name.removeprefix('operator_').strip('_')} is singular at a relative distance of about {1 / slope:.2g} in control or frequency: "
+    module: Module
+    level: Level
+    control: arb
+    frequency: arb
+
+    @property
+    def reach(self) -> arb:
+        """Return the distance from the lower end of the control range, within which the base state is stable."""
+        return max_of(abs(self.control - arb(self.module.CONTROL_RANGE[0])), self.module.width * arb(2) ** -20)
+
+    def determinant(self, problem: str, control: arb, frequency: arb) -> acb:
+        """Return the determinant of one of the emitted linear problems."""
+        a = self.level.build(acb(control.mid()), acb(frequency.mid()))
+        return midpoint(a.determinant(self.module.names[problem](a)))  # type: ignore[attr-defined]
+
+    def growing(self, rate: arb) -> acb:
+        """Return the critical determinant at the eigenvalue i omega + rate, a real rate when steady, i times one in a Hopf bifurcation."""
+        if self.module.KIND == "hopf":
+            return self.determinant("critical", self.control, self.frequency + rate)
+        a = self.level.build(acb(self.control), acb(0))
+        return midpoint(a.determinant(self.module.names[f"pencil_{self.module.MULTIPLICITY - 1}"](a, acb(rate))))  # type: ignore[attr-defined]
+
+    def resonance(self, problem: str) -> float:
+        """Return the relative distance in control or frequency at which D_h = 0, by one step of Newton's method."""
+        here = self.determinant(problem, self.control, self.frequency)
+        if here == 0:
+            return 0.0
+        steps = [(self.reach * arb(2) ** -24, arb(0)), (arb(0), self.frequency * arb(2) ** -24)]
+        changes = [abs(self.determinant(problem, self.control + dc, self.frequency + dw) - here) for dc, dw in steps if dc != 0 or dw != 0]
+        fastest = max(float((change / abs(here)).mid()) for change in changes) * 2.0**24
+        return 1 / fastest if fastest else float("inf")
+
+    def defect(self) -> tuple[float, float]:
+        """Return the relative distances to a double eigenvalue: in control, |D_l^2 / (2 D_ll D_c)|, and of the other eigenvalue, |2 D_l / D_ll|, in frequencies.
+
+        To leading order D = D_l l + D_ll l^2 / 2 + D_c dc about the threshold; where that is no description of D there is none nearby.
+        """
+        hopf = self.module.KIND == "hopf"
+        scale = self.frequency if hopf else abs(arb(self.module.names.get("NEIGHBOUR", "0")))
+        nowhere = float("inf"), float("inf")
+        if scale == 0 or not (hopf or self.module.PENCILS):
+            return nowhere
+        h, dc = scale * arb(2) ** -12, self.reach * arb(2) ** -24
+        low, here, high = self.growing(-h), self.growing(arb(0)), self.growing(h)
+        first, second = (high - low) / (2 * h), (high - 2 * here + low) / (h * h)
+        slope = (self.determinant("critical", self.control + dc, self.frequency) - self.determinant("critical", self.control, self.frequency)) / dc
+        if second.mid() == 0 or slope.mid() == 0:
+            return nowhere
+        other = 2 * first / second
+        if hopf and abs(self.growing((-other.real).mid()) - here).mid() > arb("0.3") * abs(first * other):
+            return nowhere
+        return float((abs(first * first / (2 * second * slope)) / self.reach).mid()), float((abs(other) / scale).mid())
+
+
+def close_calls(module: Module, route: str, resolution: Resolution, root: Root, first: bool) -> tuple[str, ...]:
+    """Return a warning with the distance for each degenerate point that is close: resonances, a defective eigenvalue, other modes.
+
+    Raises
+    ------
+    EvaluationError
+        The critical eigenvalue is defective as far as can be told.
+    """
+    warnings = []
+    level = level_of(module, route, 60, Resolution(nodes=nodes_for(60), breaks=resolution.breaks), GUARD)
+    with working_precision(level.bits):
+        around = Neighbourhood(module=module, level=level, control=root.control, frequency=root.frequency)
+        for name in sorted(one for one in module.names if one.startswith("operator_")):
+            distance = around.resonance(name)
+            if distance < CLOSE:
+                warnings.append(f"the linear problem of harmonic {name.removeprefix('operator_').strip('_')} is singular at a relative distance of about {distance:.2g} in control or frequency: "
                                 "a resonance; the amplitude equation holds in a range smaller than that")
+        distance, other = around.defect()
+    if distance < DEFECT:
+        raise EvaluationError(f"{DEFECTIVE} (relative distance {distance:.2g} in control)")
+    if distance < CLOSE:
+        what = "the frequency goes to zero: a steady instability is close" if module.KIND == "hopf" and 1.5 < other < 2.5 else "two eigenvalues meet: the critical one is nearly defective"
+        warnings.append(f"at a relative distance of about {distance:.2g} in control {what} (Takens-Bogdanov or 1:1 resonance); the amplitude equation holds in a range smaller than that")
     if first:
-        for value_, distance in module.names.get("NEAR_CRITICAL", ()):
-            warnings.append(f"another eigenvalue, {value_}, is within a relative distance of {distance} of the imaginary axis at the threshold: two modes are nearly critical together; "
+        for value, distance in module.names.get("NEAR_CRITICAL", ()):
+            warnings.append(f"another eigenvalue, {value}, is within a relative distance of {distance} of the imaginary axis at the threshold: two modes are nearly critical together; "
                             "the amplitude equation of one holds in a range smaller than that")
     return tuple(warnings)
+
+
+def with_close_calls(module: Module, result: Result) -> Result:
+    """Return a certified result with the warnings of `close_calls`; the distances are not proved."""
+    route = "closed" if result.route == "closed" else "chebyshev"
+    with working_precision(160):
+        control, frequency = arb(result.threshold.control).mid(), arb(result.threshold.frequency or 0).mid()
+        breaks = adapted(module, route, (control, frequency if result.threshold.frequency else None), None) if module.SPATIAL and route != "closed" else UNIFORM
+    root = Root(control=control, frequency=frequency, error=arb(0), steps=0, slopes=(acb(0), acb(0)), slopes_bits=0)
+    try:
+        return replace(result, warnings=(*result.warnings, *close_calls(module, route, Resolution(nodes=nodes_for(60), breaks=breaks), root, True)))
+    except NotClosed:
+        return result
 
 
 def cut(resolution: Resolution, unresolved: frozenset[int]) -> Resolution:

@@ -417,11 +417,13 @@ class Sampled(Algebra):
         variable = [(i, j) for i in range(n) for j in range(n) if isinstance(operator.matrix[i][j], Samples)]
         powers = dict(zip(variable, self.powers_of([operator.matrix[i][j] for i, j in variable]), strict=True))
         panels: list[Panel] = []
-        alike: dict[Fraction, Panel] = {}
+        alike: dict[Fraction, int] = {}  # without variable coefficients: the first panel of a width
         for k, half in enumerate(self.halves):
             width = self.breaks[k + 1] - self.breaks[k]
             if not variable and width in alike:
-                panels.append(alike[width])
+                panels.append(panels[alike[width]])
+                if alike[width] in self.unresolved:
+                    self.unresolved.add(k)
                 continue
             table = [[powers[i, j][k] if (i, j) in powers else [(number(operator.matrix[i][j]) * half).mid()] if operator.matrix[i][j] != 0 else [] for j in range(n)] for i in range(n)]
             columns, ends = [], []
@@ -431,7 +433,7 @@ class Sampled(Algebra):
                 columns.append(column)
                 ends.append([alternating(one) for one in column])
             panel = Panel(table, columns, [[ends[c][i][0] for c in range(n)] for i in range(n)], [[ends[c][i][1] for c in range(n)] for i in range(n)])
-            alike[width] = panel
+            alike[width] = k
             panels.append(panel)
         self.flows[id(operator)] = (operator, panels)
         return panels

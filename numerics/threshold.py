@@ -118,7 +118,7 @@ def solve_real(slopes: tuple[acb, acb], value: acb, steady: bool) -> tuple[arb, 
         return (value / d_control).real.mid(), arb(0)
     determinant = d_control.real * d_frequency.imag - d_control.imag * d_frequency.real
     if determinant.mid() == 0:
-        raise EvaluationError("threshold: the eigenvalue does not cross the axis with the control")
+        raise EvaluationError("threshold: the eigenvalue does not cross the axis with the control, or is defective")
     dc = (value.real * d_frequency.imag - value.imag * d_frequency.real) / determinant
     dw = (d_control.real * value.imag - d_control.imag * value.real) / determinant
     return dc.mid(), dw.mid()

@@ -4,8 +4,9 @@ import pytest
 
 from tests.random_problems import verdict
 
-CHEAP = [("ordinary", 0), ("ordinary", 1), ("ordinary", 3), ("ordinary", 4), ("second_order", 0), ("second_order", 1), ("second_order", 2), ("vector", 0), ("constant", 2), ("polynomial", 3)]
-REGRESSIONS = [("ordinary", 22), ("second_order", 1005), ("ordinary", 1067), ("ordinary", 1094)]
+CHEAP = [("ordinary", 0), ("ordinary", 1), ("ordinary", 4), ("second_order", 0), ("second_order", 1), ("second_order", 2), ("vector", 0),
+         ("constant", 2), ("constant", 3), ("constant", 4), ("polynomial", 3)]
+REGRESSIONS = [("ordinary", 22), ("second_order", 1005), ("ordinary", 1067), ("ordinary", 1094), pytest.param("constant", 101, marks=pytest.mark.slow), ("polynomial", 140)]
 
 
 @pytest.mark.parametrize(("kind", "seed"), CHEAP + REGRESSIONS)

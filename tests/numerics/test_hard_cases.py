@@ -1,15 +1,18 @@
 """Where the problem is nasty: right digits against an independent value, or a clear refusal."""
 
+import json
 from decimal import Decimal
 from fractions import Fraction
 from functools import cache
 
 import pytest
+from click.testing import CliRunner
 from conftest import derivation_of
 from mpmath import mp
 from sympy import Rational, Symbol, exp, pi, symbols, tanh
 
 from derive import Problem, derive_amplitude_equation, field
+from derive.cli import main
 from derive.problem import DerivationError, ProblemError
 from numerics import EvaluationError, evaluate
 from tests.normal_form import Flow, normal_form
@@ -49,7 +52,7 @@ def agree(first, second, digits):
 # Characteristic exponents that meet: u_t = r u - (1 + d_ss)^2 u - u^3 on (0, L), r = c + 1. At the threshold sigma^2 = -1 +- sqrt(r) with sqrt(r) = |1 - k^2|, k = pi/L.
 
 
-@pytest.mark.parametrize("distance", ["1e-1", "1e-5", "1e-15", "1e-30", "0"])
+@pytest.mark.parametrize("distance", ["1e-1", pytest.param("1e-5", marks=pytest.mark.slow), "1e-15", pytest.param("1e-30", marks=pytest.mark.slow), "0"])
 def test_characteristic_exponents_that_meet(distance):
     length = pi * (1 + Rational(distance) / 2)
     text = on_interval(u.diff(t) - (c + 1) * u + u + 2 * u.diff(s, 2) + u.diff(s, 4) + u**3, length, (u, u.diff(s, 2)), (-2, 0), length / 2)
@@ -68,7 +71,7 @@ def test_characteristic_exponents_that_meet(distance):
 # Higher instabilities of the filament, and large exponents
 
 
-@pytest.mark.parametrize("near", [("174.6", "1508"), ("402", "4430")])
+@pytest.mark.parametrize("near", [("174.6", "1508"), pytest.param(("402", "4430"), marks=pytest.mark.slow)])
 def test_higher_instabilities_of_the_filament(near):
     text = derivation_of("follower_force").emit()
     agree(evaluate(text, digits=16, near=near), evaluate(text, digits=32, route="chebyshev", near=near), 16)
@@ -106,6 +109,54 @@ def test_slow_oscillation(k):
 def test_no_oscillation_is_refused(k):
     with pytest.raises((DerivationError, ProblemError), match="double eigenvalue|stable at the lower end"):
         emitted(x.diff(t, 2) + Rational(k) * x - (c - x**2) * x.diff(t) + x**3, {x: 0}, (-1, 1), (x, None))
+
+
+def slow_text(k, unit=1):
+    """Time in units of `unit`, control in units of 1/unit: distances do not depend on it."""
+    return emitted(unit**2 * x.diff(t, 2) + Rational(k) * x - unit * (unit * c - x**2) * x.diff(t) + x**3, {x: 0}, (-Rational(1) / unit, Rational(1) / unit), (x, None))
+
+
+@pytest.mark.parametrize("unit", [1, 10**6])
+def test_a_hopf_bifurcation_near_a_steady_one_is_warned_of(unit):
+    """lambda^2 - c lambda + k = 0 has a double root at c = 2 sqrt(k); |D_l^2 / (2 D_ll D_c)| = sqrt(k), the lower end is at -1."""
+    assert not evaluate(slow_text("1e-2", unit), digits=12).warnings
+    (line,) = (line for line in evaluate(slow_text("1e-8", unit), digits=12).warnings if "steady instability" in line)
+    assert float(line.split("about ")[1].split()[0]) == pytest.approx(1e-4, rel=0.05)
+
+
+@pytest.mark.parametrize("command", [["coefficients"], ["coefficients", "--certify"], ["states", "--mu", "1/1000"]])
+def test_warnings_go_to_standard_error_and_json_alone_to_standard_output(command, write_problem):
+    path = write_problem("""from sympy import Rational, Symbol, symbols
+from derive import Problem, field
+t, c = symbols("t", real=True), Symbol("c", real=True)
+x = field("x", t)
+problem = Problem(name="slow", time=t, control=c, control_range=(-1, 1), fields=(x,), base_state={x: 0}, normalisation=(x, None),
+                  equations=(x.diff(t, 2) + x / 10**8 - (c - x**2) * x.diff(t) + x**3,))
+""")
+    name, *options = command
+    done = CliRunner().invoke(main, [name, path, *options, "--json"])
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)
+    assert "steady instability is close" in done.stderr and "warning" in done.stderr
+
+
+def nearly_double(d):
+    return emitted((x.diff(t) - y, y.diff(t) - c * x + Rational(d) * y + x**3), {x: 0, y: 0}, (-1, 1), (x, None))
+
+
+def test_a_nearly_defective_steady_eigenvalue_is_right_and_warned_of():
+    """lambda^2 + d lambda - c = 0 has a double root at c = -d^2/4; A' = (mu A - A^3)/d."""
+    assert not evaluate(nearly_double("1e-1"), digits=12).warnings
+    result = evaluate(nearly_double("1e-3"), digits=12)
+    assert close(result["A**3"].value, -1000, 12)
+    (line,) = (line for line in result.warnings if "nearly defective" in line)
+    assert float(line.split("about ")[1].split()[0]) == pytest.approx(2.5e-7, rel=0.05)
+
+
+@pytest.mark.parametrize("d", ["1e-9", "1e-20"])
+def test_a_defective_eigenvalue_is_refused(d):
+    with pytest.raises((ProblemError, EvaluationError), match="defective|strictly stable"):
+        evaluate(nearly_double(d), digits=12)
 
 
 # Resonances: x'' + x = c x' + x y - x^3, y'' + 2 d y' + (4 + d^2) y = x^2 has the eigenvalue -d + 2 i
@@ -160,6 +211,31 @@ def test_two_modes_nearly_critical_together():
 
 
 # Stiff layers and rapid oscillation
+
+
+@pytest.mark.parametrize(("q", "place", "route"), [(40, Rational(1, 2), "chebyshev"), (200, Rational(9, 10), "closed")])
+def test_strong_advection(q, place, route):
+    """u_t = u'' - 2 q u' + c u - u^3: exponents q +- i pi, c = q^2 + pi^2, the mode exp(q s) sin(pi s), the adjoint exp(-q s) sin(pi s)."""
+    text = emitted(u.diff(t) - u.diff(s, 2) + 2 * q * u.diff(s) - c * u + u**3, {u: 0}, (0, 2 * q**2 + 40), (u, place), space=s, interval=(0, 1), boundary={0: (u,), 1: (u,)})
+    result = evaluate(text, digits=12, route=route)
+    with mp.workdps(60):
+        assert abs(mp.mpf(result.threshold.control) - q * q - mp.pi**2) < mp.mpf("1e-12") * q * q
+        # -2 int_0^1 exp(2 q (s - place)) sin(pi s)^4 / sin(pi place)^2 ds
+        p = mp.mpf(place.p) / place.q
+        weight = mp.quad(lambda z: mp.exp(2 * q * (z - p)) * mp.sin(mp.pi * z) ** 4, mp.linspace(0, 1, 33)) / mp.sin(mp.pi * p) ** 2
+        assert close(result["A**3"].value, -2 * weight, 12)
+
+
+@pytest.mark.parametrize("steep", [pytest.param(100, marks=pytest.mark.slow), pytest.param(1000, marks=pytest.mark.slow)])
+def test_a_thin_interior_layer_of_a_coefficient(steep):
+    """A coefficient that jumps at s = 1/2 within 1/steep: two routes with other nodes agree, and the limit of a jump is near."""
+    text = emitted(u.diff(t) - u.diff(s, 2) - c * u * (1 + tanh(steep * (s - Rational(1, 2))) / 2) + u**3, {u: 0}, (0, 60), (u, Rational(1, 2)),
+                   space=s, interval=(0, 1), boundary={0: (u,), 1: (u,)})
+    first = evaluate(text, digits=8, route="chebyshev")
+    agree(first, evaluate(text, digits=16, route="quadrature"), 8)
+    # k_1 cot(k_1/2) + k_2 cot(k_2/2) = 0 with k^2 = c/2 and 3 c/2
+    jump = mp.findroot(lambda z: sum(mp.sqrt(z * w) * mp.cot(mp.sqrt(z * w) / 2) for w in (mp.mpf(1) / 2, mp.mpf(3) / 2)), 9.3)
+    assert abs(mp.mpf(first.threshold.control) - jump) < 20 / mp.mpf(steep) ** 2
 
 
 @pytest.mark.parametrize("steep", [pytest.param(30, marks=pytest.mark.slow), pytest.param(1000, marks=pytest.mark.slow)])
