@@ -440,9 +440,9 @@ class Spectrum:
 def holds_mode(operator: FirstOrderOperator, expansion: Expansion, onset: Onset) -> bool:
     """Tell whether the critical eigenvalue is one of this operator, which is a block of the whole linear problem."""
     with threadpool_limits(limits=1, user_api="blas"):
-        found = Pencil(operator, expansion.formulation).eigenvalues(onset.control, NODES[2])
-    wanted = 1j * (onset.frequency or 0.0)
-    return bool(np.any(np.abs(np.abs(found.imag) * 1j + found.real - wanted) < 1e-4 * abs(wanted)))
+        found = Spectrum({0: operator}, expansion.formulation).rightmost(onset.control)
+    wanted = onset.frequency or 0.0
+    return any(abs(value.real + 1j * (abs(value.imag) - wanted)) < 1e-4 * wanted for value, _ in found)
 
 
 def find_onset(operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], formulation: Formulation) -> Onset:
