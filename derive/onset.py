@@ -39,7 +39,7 @@ class Onset:
     weight: int
     control: float
     frequency: float | None
-    other_eigenvalues: tuple[complex, ...]  # the rightmost of those that stay stable
+    other_eigenvalues: tuple[complex, ...]  # of those that stay stable the rightmost and the smallest
 
 
 class Pencil:
