@@ -34,6 +34,8 @@ class Command(click.Group):
 
     def main(self, *arguments: Any, **options: Any) -> Any:
         options["standalone_mode"] = False
+        if sys.stdout is None:  # Python's way to say that it was closed
+            fail("found standard output closed; expected a file, a pipe or a terminal to print to")
         try:
             status = super().main(*arguments, **options)
             sys.stdout.flush()

@@ -433,11 +433,16 @@ def fields_lines(derivation: Derivation, printer: Printer) -> list[str]:
 
 
 def nearly_critical(onset: Onset) -> list[tuple[str, str]]:
-    """Return the other eigenvalues that are nearly on the imaginary axis, with their relative distance from it; to two digits, which rounding leaves alone."""
-    scale = max([onset.frequency or 0.0, *(abs(value) for value in onset.other_eigenvalues)])
+    """Return the other eigenvalues that are nearly on the imaginary axis, with their relative distance from it; to two digits, which rounding leaves alone.
+
+    The distance is relative to the slowest rate of the problem or the fastest decay: a mode of high frequency is not close because it turns fast.
+    """
+    others = onset.other_eigenvalues
+    slowest = onset.frequency or min((abs(value) for value in others), default=0.0)
+    scale = max([slowest, *(abs(value.real) for value in others)])
     found = []
-    for value in onset.other_eigenvalues:
-        distance = abs(value.real) / max(abs(value.imag), scale)
+    for value in others:
+        distance = abs(value.real) / scale
         if distance < CLOSE and value.imag >= -1e-9 * scale:
             text = f"{value.real:.2g}" if abs(value.imag) <= 1e-9 * scale else f"{value.real:.2g} + {value.imag:.4g}i"
             found.append((text, f"{distance:.2g}"))

@@ -8,9 +8,14 @@ from pathlib import Path
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file whole, or leave what was there."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    """Write a file whole, or leave what was there; an OSError names the file that was asked for."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".")
+    except FileExistsError as mistake:
+        raise NotADirectoryError(mistake.errno, "found a file where a folder was expected", mistake.filename) from None
+    except OSError as mistake:
+        raise OSError(mistake.errno, mistake.strerror, str(path)) from None
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(content)

@@ -45,7 +45,7 @@ class Onset:
     weight: int
     control: float
     frequency: float | None
-    other_eigenvalues: tuple[complex, ...]  # the rightmost of those that stay stable
+    other_eigenvalues: tuple[complex, ...]  # of those that stay stable the rightmost and the smallest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,6 +6,7 @@ scalar rows, jets in place of derivatives, and symbols whose names cannot clash 
 
 from __future__ import annotations
 
+import os
 import re
 import runpy
 import traceback
@@ -213,9 +214,8 @@ def load_problem(target: str | Path) -> Problem:
     ProblemError
         The file is missing, does not run, or binds no `problem`.
     """
-    bundled = MODELS / f"{target}.py"
-    path = bundled if re.fullmatch(r"\w+", str(target)) and target != "__init__" and bundled.is_file() else Path(target)
-    if not path.is_file():
+    path = MODELS / f"{target}.py" if str(target) in bundled_names() else Path(target)
+    if not os.path.isfile(path):  # False, too, for what cannot be the name of a file
         names = ", ".join(bundled_names())
         raise ProblemError(f"{target}: found no such file and no such model; expected a path or one of {names}")
     try:

@@ -226,6 +226,7 @@ def growth_figure(case: Case, spectra: Spectra) -> Figure:
             axes.plot(spectra.controls, values, color=BLUE if k in critical else GREY, lw=1.5 if k in critical else 0.9)
     low, high = float(np.nanmin(leading.real)), float(np.nanmax(leading.real))
     span = high - low or 1.0
+    growth = r"\sigma" if symbol(case.module.CONTROL).startswith(r"\lambda") else r"\lambda"  # two quantities, two letters
     top.set_ylim(low - 0.12 * span, high + 0.08 * span)
     top.axhline(0, color=BLACK, lw=0.6)
     marks = [(case.threshold, "c")] + ([(spectra.oscillation, "o")] if spectra.oscillation is not None else [])
@@ -240,8 +241,8 @@ def growth_figure(case: Case, spectra: Spectra) -> Figure:
         bottom.set_ylim(-0.04 * fastest, 1.08 * fastest)
         bottom.plot([case.threshold], [case.omega], "o", ms=4, color=RED)
         bottom.annotate(rf"$\omega = {case.omega:.5g}$" if case.omega else "", (case.threshold, case.omega), xytext=(6, -6), textcoords="offset points", va="top", color=RED)
-        bottom.set_ylabel(r"$|\lambda_i|$")
-    top.set_ylabel(r"$\lambda_r$" if oscillates else r"$\lambda$")
+        bottom.set_ylabel(rf"$|{growth}_i|$")
+    top.set_ylabel(rf"${growth}_r$" if oscillates else rf"${growth}$")
     bottom.set_xlabel(rf"${symbol(case.module.CONTROL)}$")
     bottom.set_xlim(spectra.controls[0], spectra.controls[-1])
     return figure
@@ -374,17 +375,22 @@ def bold(name: str) -> str:
 
 
 def bounded(case: Case, initial: Sequence[complex], mu: float, until: float, largest: float) -> tuple[Motion, float]:
-    """Return the motion and the time to which |A| stays below `largest`."""
+    """Return the motion and the time to which |A| stays below `largest`; one that becomes infinite is followed until it is larger."""
+    end, known = until, 0.0
     for _ in range(60):
         try:
-            motion = case.move(initial, mu, until)
-            times = np.linspace(0, until, 400)
-            sizes = modulus(motion.amplitude(times), case.vector)
-            if sizes.max() <= largest:
-                return motion, until
-            until = float(times[max(int(np.argmax(sizes > largest)) - 1, 0)]) or until / 400
-        except EvaluationError:
-            until *= 0.8
+            motion = case.move(initial, mu, end)
+        except EvaluationError:  # infinite before `end`: halve the gap to the last time that is reached
+            until, end = end, (known + end) / 2
+            continue
+        times = np.linspace(0, end, 400)
+        sizes = modulus(motion.amplitude(times), case.vector)
+        if sizes.max() > largest:
+            until = end = float(times[max(int(np.argmax(sizes > largest)) - 1, 0)]) or end / 400
+        elif until - end <= 1e-9 * until:
+            return motion, end
+        else:
+            known, end = end, (end + until) / 2
     raise EvaluationError("figures: found no time over which the motion stays bounded")
 
 
@@ -699,7 +705,8 @@ def inset_trajectory(case: Case, axes: Axes, scene: Sequence[complex], rate: flo
         inset.plot(times / turn, path, color=BLUE, lw=0.7)
         inset.set_xlabel(r"$\omega t/2\pi$", fontsize=7, labelpad=1)
     inset.tick_params(labelsize=6, top=False, right=False)
-    inset.set_title(rf"${field_symbol(case)}/\epsilon^{{1/2}},\ \epsilon = {epsilon:g}$", fontsize=7, pad=2)
+    shown = field_symbol(case) if case.vector else f"({field_symbol(case)}-{field_symbol(case)}_0)"
+    inset.set_title(rf"${shown}/\epsilon^{{1/2}},\ \epsilon = {epsilon:g}$", fontsize=7, pad=2)
 
 
 # (7) the field in space and time

@@ -1,6 +1,8 @@
 """The command: contract, exit status, one line for a mistake."""
 
 import json
+import subprocess
+import sys
 
 import pytest
 from click.testing import CliRunner
@@ -34,6 +36,25 @@ def test_a_mistake_is_one_line_and_status_2(arguments):
     assert done.exit_code == 2
     assert done.stdout == ""
     assert len(done.stderr.strip().splitlines()) == 1 and done.stderr.startswith("fredholm: ")
+
+
+@pytest.mark.parametrize(("folder", "expected"), [("taken", "found a file where a folder was expected"), ("locked/inside", "No such file or directory")])
+def test_a_folder_that_cannot_be_written_is_named(tmp_path, folder, expected):
+    (tmp_path / "taken").write_text("mine")
+    done = run("derive", "van_der_pol", "--out", str(tmp_path / folder) if folder == "taken" else "/proc/no_such")
+    assert done.exit_code == 2 and done.stdout == "" and len(done.stderr.splitlines()) == 1 and expected in done.stderr
+    assert (tmp_path / "taken").read_text() == "mine" and [path.name for path in tmp_path.iterdir()] == ["taken"]
+
+
+def test_a_name_too_long_for_a_file_is_refused_as_any_other():
+    done = run("coefficients", "x" * 5000)
+    assert done.exit_code == 2 and "found no such file and no such model" in done.stderr
+
+
+def test_a_closed_standard_output_is_a_mistake_in_one_line():
+    command = [sys.executable, "-c", "import sys; sys.stdout = None; from derive.cli import main; main(['list'])"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and done.stdout == "" and done.stderr.startswith("fredholm: found standard output closed")
 
 
 def test_check_and_list():

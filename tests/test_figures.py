@@ -2,7 +2,9 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from derive.cli import main
 from derive.spectrum import spectrum_curves
 from numerics import EvaluationError
 from numerics.animation import animation_of, fragment_of, page_of
-from numerics.figures import NAMES, Spectra, branches, case_of, draw, joined, saved, symbol
+from numerics.figures import NAMES, Spectra, bounded, branches, case_of, draw, joined, saved, symbol
 
 
 @cache
@@ -81,6 +83,22 @@ def test_states_are_drawn_with_their_stability():
     (cycle,) = branches(case(str(PROBLEMS / "lorenz_hopf.py")))
     assert cycle.stability == "unstable" and cycle.share < 0
     assert "-." in {line.get_linestyle() for line in draw(case("follower_force"), "bifurcation").axes[0].lines}
+
+
+def test_a_motion_that_becomes_infinite_is_drawn_until_it_leaves_the_panel():
+    """dA/dt = gamma mu A + c A^2 from A < 0 above the threshold: |A| reaches 3 of its scale in a finite time, a little before it is infinite."""
+    fisher = case(str(PROBLEMS / "fisher.py"))
+    size, sign = fisher.size, -1 if fisher.planar.real < 0 else 1
+    for share in (0.03, 0.2):
+        motion, until = bounded(fisher, (complex(sign * share * size),), 1.0, 6 / fisher.gamma.real, 3 * size)
+        assert 2.5 * size < abs(motion.amplitude(np.array([until]))[0]) <= 3 * size
+
+
+def test_growth_rates_and_a_control_of_the_same_letter_are_told_apart():
+    spectra = Spectra(controls=np.linspace(-1, 1, 5), eigenvalues=np.linspace(-1, 1, 5).reshape(5, 1) + 0j, oscillation=None)
+    problem = case("swift_hohenberg")
+    named = replace(problem, module=SimpleNamespace(CONTROL="lambda"))
+    assert draw(problem, "growth", spectra).axes[0].get_ylabel() == r"$\lambda$" and draw(named, "growth", spectra).axes[0].get_ylabel() == r"$\sigma$"
 
 
 @pytest.mark.slow

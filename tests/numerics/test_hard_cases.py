@@ -210,6 +210,14 @@ def test_two_modes_nearly_critical_together():
         two_modes(Rational(0))
 
 
+def test_a_damped_mode_is_not_nearly_critical_because_it_turns_fast():
+    """u_tt + 2 u_t + u_ssss + c u_ss + u^3 = 0, pinned: all modes but the critical one decay at the rate 1, whatever their frequency."""
+    fast = emitted(u.diff(t, 2) + 2 * u.diff(t) + u.diff(s, 4) + c * u.diff(s, 2) + u**3, {u: 0}, (0, 3), (u, pi / 2),
+                   space=s, interval=(0, pi), boundary={0: (u, u.diff(s, 2)), pi: (u, u.diff(s, 2))})
+    result = evaluate(fast, digits=15)
+    assert Decimal(result.threshold.control) == 1 and not result.warnings
+
+
 # Stiff layers and rapid oscillation
 
 
