@@ -133,16 +133,27 @@ def exponents_of(branch: Branch, grid: Discretisation, y: Array, control: float,
     sigma = 0.137 * abs(omega or full.frequency) if full.hopf else 0.618 * rate if rate else 1.0
     strip = (2 if motion.symmetric else 1) * abs(omega) if motion.kind == "periodic" else 0.0
     planar = full.vector and state in ("beating", "branch")
-    classes = [("in plane" if planar else "", grid, 1 if state in ("beating", "whirling", "cycle") else 0)]
+    classes = [("in plane" if planar else "", grid)]
     if branch.form.others and any(group.members for group in branch.form.others):
-        classes.append(("out of plane", Discretisation(full.rows, motion, branch.form.others, grid.nodes, grid.harmonics), 1))
+        classes.append(("out of plane", Discretisation(full.rows, motion, branch.form.others, grid.nodes, grid.harmonics)))
+    return labelled(branch, [(kind, class_spectrum(at, space, sigma, strip, count)) for kind, space in classes], omega, rate)
+
+
+def labelled(branch: Branch, classes: Sequence[tuple[str, Array]], omega: float, rate: float = 0.0) -> tuple[Exponent, ...]:
+    """Return the exponents of all classes, the one of each that a symmetry makes zero recognised.
+
+    Raises
+    ------
+    EvaluationError
+        An exponent that must be zero by a symmetry is not.
+    """
     found: list[Exponent] = []
-    for kind, space, neutral in classes:
-        values = class_spectrum(at, space, sigma, strip, count)
+    for kind, values in classes:
+        neutral = 1 if branch.state in ("beating", "whirling", "cycle") or kind == "out of plane" else 0
         order = np.argsort(np.abs(values))[:neutral]
         if neutral and (not len(values) or abs(values[order[0]]) > 1e-4 * max(abs(omega), rate)):
             raise EvaluationError(f"exponents: found {values[order] if len(values) else 'none'} {kind}; expected a neutral one by symmetry: the state is not resolved well enough, ask for a smaller tolerance")
-        why = "rotation" if kind == "out of plane" or state == "whirling" else "phase"
+        why = "rotation" if kind == "out of plane" or branch.state == "whirling" else "phase"
         for k, value in enumerate(values):
             label = f"neutral ({why})" if k in order else ""
             found.append(Exponent(value=complex(value), kind=", ".join(part for part in (kind, label) if part)))
