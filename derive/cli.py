@@ -408,7 +408,7 @@ def validate(target: str, as_json: bool) -> int:
 
     derivation, result = coefficients_of(target, 15, "auto", False)
     say: Callable[[str], None] = lambda text: click.echo(text, err=True) if sys.stderr.isatty() else None  # noqa: E731
-    found = run(emit_residual(derivation.problem), result, say)
+    found = run(emit_residual(derivation.problem), derivation.emit(), result, say)
     click.echo(json.dumps(found.as_dict()) if as_json else found.text())
     return 0 if found.agrees else 1
 
