@@ -351,3 +351,31 @@ def secondary_between(branch: Branch, before: FullState, after: FullState) -> Se
     error = abs(controls[1] - controls[0]) / abs(controls[1]) if controls[1] else abs(controls[1] - controls[0])
     return Secondary(state=branch.state, kind="real" if real else "complex", mu=controls[1] - branch.full.threshold, control=controls[1], frequency=abs(critical.value.imag) if not real else 0.0,
                      error=max(2 * error, 1e-9), where=critical.kind)
+
+
+def measured_points(text: str, result: Result, reach: float, points: int = 4) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
+    """Return {state: (controls, peaks)} of the full problem within `reach` of the threshold, to about 1e-4 of the peak: symbols for a bifurcation diagram.
+
+    Where the amplitude equation has a state on one side only there are `points` of them. A point that cannot be found is left out.
+    """
+    full = Full(rows=Rows(text), result=result)
+    found: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {}
+    for state in full.states[1:]:
+        branch = Branch(full, state)
+        cycles = Cycles(branch)
+        pairs = []
+        for share in [k / points for k in range(-points, points + 1) if k]:
+            mu = share * reach
+            if predicted_at(branch, mu) is None:
+                continue
+            try:
+                if turning(branch):
+                    orbit = cycles.resolved(cycles.start(mu), 1e-4).orbit
+                    pairs.append((orbit.control, peak_of(full.rows, orbit.state)))
+                else:
+                    solution = branch.resolved(branch.start(mu), 1e-4)
+                    pairs.append((solution.control, branch.peak(solution)))
+            except NotConverged:
+                continue
+        found[state] = (tuple(pair[0] for pair in pairs), tuple(pair[1] for pair in pairs))
+    return found
