@@ -88,7 +88,8 @@ class FullState:
             lines.append(f"  frequency  {decimal(self.frequency, self.error)}" + (f"   amplitude equation {predicted.frequency:.8g}" if predicted and predicted.frequency else ""))
         for one in self.exponents[:SHOWN]:
             lines.append(f"  exponent   {one.value.real:+.9g} {one.value.imag:+.9g}i" + (f"   {one.kind}" if one.kind else ""))
-        lines.append(f"  relative error {self.error:.1e}, of the exponents {self.exponent_error:.1e} (absolute), {self.nodes} nodes" + (f", {self.harmonics} harmonics" if self.harmonics else "") + f", {self.seconds:.2f} s")
+        harmonics = f", {self.harmonics} harmonics" if self.harmonics else ""
+        lines.append(f"  relative error {self.error:.1e}, of the exponents {self.exponent_error:.1e} (absolute), {self.nodes} nodes" + harmonics + f", {self.seconds:.2f} s")
         return "\n".join(lines)
 
 
@@ -184,8 +185,9 @@ def at_rest(branch: Branch, mu: float, started: float) -> FullState:
         nodes += nodes // 4
         if nodes > MAX_NODES:
             raise EvaluationError(f"{branch.state} at control {control:.8g}: found leading growth rates that still change by {error:.1e} at {grid.nodes} nodes; expected them to settle")
+    scale = max((abs(one.value) for one in found[:2]), default=1.0)
     return FullState(
-        state=branch.state, mu=mu, control=control, peak=0.0, frequency=None, predicted=full.predict(branch.state, mu), exponents=found, exponent_error=(1e-12 if grid.nodes == 1 else error) * max((abs(one.value) for one in found[:2]), default=1.0), error=0.0 if grid.nodes == 1 else error, nodes=grid.nodes,
+        state=branch.state, mu=mu, control=control, peak=0.0, frequency=None, predicted=full.predict(branch.state, mu), exponents=found, exponent_error=(1e-12 if grid.nodes == 1 else error) * scale, error=0.0 if grid.nodes == 1 else error, nodes=grid.nodes,
         harmonics=0, residual=0.0, seconds=time.perf_counter() - started, shape=grid.unpack(np.zeros(grid.size), control, 0.0),
     )
 
@@ -283,10 +285,12 @@ def secondary_orbit(cycles: Cycles, before: FullState, after: FullState) -> Seco
         def crossing(control: float) -> float:
             nonlocal last
             last = cycles.solve(replace(last.orbit, control=control))
-            kept[:] = [one for one in cycles.exponents(last) if not one.neutral][rank:rank + 1]
+            every = cycles.exponents(last)
+            kept[:] = [one for one in every if not one.neutral][rank:rank + 1]
             if not kept:
                 raise EvaluationError(f"{before.state} near control {control:.8g}: found too few exponents to locate the secondary bifurcation; ask for a smaller tolerance")
-            return kept[0].value.real
+            # A real exponent meets the neutral one of its class at the crossing: their sum does not feel that they repel each other by rounding.
+            return kept[0].value.real + sum(one.value.real for one in every if one.neutral and one.kind.startswith(kept[0].kind))
 
         ends = (before.control, after.control)
         if found:  # a narrow bracket around what the first resolution found
@@ -294,11 +298,11 @@ def secondary_orbit(cycles: Cycles, before: FullState, after: FullState) -> Seco
         values = [crossing(control) for control in ends]
         if values[0] * values[1] > 0:
             raise EvaluationError(f"{before.state} between controls {before.control:.8g} and {after.control:.8g}: found exponents that cross twice, or two resolutions that differ; follow a shorter range")
-        control = float(brentq(crossing, *ends, xtol=1e-10 * abs(ends[1]), rtol=1e-11))
+        control = float(brentq(crossing, *ends, xtol=1e-9 * abs(ends[1]), rtol=1e-10))
         crossing(control)
         found.append((control, kept[0]))
     (first, _), (control, critical) = found
-    real = abs(critical.value.imag) < 1e-6 * abs(after.frequency or 1.0)
+    real = abs(critical.value.imag) < 1e-3 * abs(after.frequency or 1.0)
     return Secondary(state=before.state, kind="real" if real else "complex", mu=control - cycles.branch.full.threshold, control=control, frequency=0.0 if real else abs(critical.value.imag),
                      error=max(2 * abs(control - first) / max(abs(control), 1e-300), 1e-9), where=critical.kind)
 

@@ -39,7 +39,9 @@ class Space:
     def __init__(self, rows: Rows, motion: Motion, groups: Sequence[Group], nodes: int) -> None:
         self.rows, self.symmetric = rows, motion.symmetric
         self.grid = grid = Discretisation(rows, motion, groups, nodes, 2)
-        moving, slaved, signs = [], [], []
+        moving: list[Array] = []
+        slaved: list[Array] = []
+        signs: list[float] = []
         offset, size = 0, sum(null.shape[1] for null in grid.null)
         for g, group in enumerate(groups):
             width = grid.null[g].shape[1]
@@ -180,7 +182,10 @@ def slopes_of(orbit: Orbit, frame: Frame) -> Slopes:
     space, grid = orbit.space, orbit.space.grid
     count = orbit.elements * len(frame.c)
     values = [one.reshape(count, -1) for one in (orbit.stages, frame.velocity, frame.acceleration)]
-    residual, in_omega, in_control, table = [], [], [], {}
+    residual: list[Array] = []
+    in_omega: list[Array] = []
+    in_control: list[Array] = []
+    table: dict[str, Array] = {}
     for site in grid.sites:
         keep, s = grid.kept(site), grid.points(site)
         base, base_slope = grid.rows.base(s, orbit.control)

@@ -67,7 +67,8 @@ def simulate_fields(text: str, emitted: str, result: Result, scene: Scene, sampl
             if error < accuracy.tolerance:
                 return dataset(full, shapes, record, scene, (steps, error))
             if steps >= accuracy.steps * 2**HALVINGS:
-                raise NotConverged(f"found a displacement that changes by {error:.1e} when {steps // 2} steps a period become {steps}; expected less than {accuracy.tolerance:.0e}: ask for a shorter time or a larger tolerance")
+                raise NotConverged(f"found a displacement that changes by {error:.1e} when {steps // 2} steps a period become {steps}; "
+                                   f"expected less than {accuracy.tolerance:.0e}: ask for a shorter time or a larger tolerance")
         before, steps = record, 2 * steps
 
 

@@ -166,7 +166,7 @@ def test_what_cannot_be_solved_is_said(state, mu, tolerance, message):
 def test_the_json_object_is_that_of_the_contract():
     derivation_of("van_der_pol")
     data = solved("van_der_pol", "cycle", 0.1).as_dict()
-    assert set(data) == {"state", "mu", "control", "peak", "frequency", "predicted", "exponents", "stable", "error", "resolution", "seconds"}
+    assert set(data) == {"state", "mu", "control", "peak", "frequency", "predicted", "exponents", "exponent_error", "stable", "error", "resolution", "seconds"}
     assert isinstance(data["peak"], str) and set(data["predicted"]) == {"peak", "frequency"} and {"re", "im"} <= set(data["exponents"][0])
 
 
