@@ -187,7 +187,8 @@ def at_rest(branch: Branch, mu: float, started: float) -> FullState:
             raise EvaluationError(f"{branch.state} at control {control:.8g}: found leading growth rates that still change by {error:.1e} at {grid.nodes} nodes; expected them to settle")
     scale = max((abs(one.value) for one in found[:2]), default=1.0)
     return FullState(
-        state=branch.state, mu=mu, control=control, peak=0.0, frequency=None, predicted=full.predict(branch.state, mu), exponents=found, exponent_error=(1e-12 if grid.nodes == 1 else error) * scale, error=0.0 if grid.nodes == 1 else error, nodes=grid.nodes,
+        state=branch.state, mu=mu, control=control, peak=0.0, frequency=None, predicted=full.predict(branch.state, mu), exponents=found, exponent_error=(1e-12 if grid.nodes == 1 else error) * scale,
+        error=0.0 if grid.nodes == 1 else error, nodes=grid.nodes,
         harmonics=0, residual=0.0, seconds=time.perf_counter() - started, shape=grid.unpack(np.zeros(grid.size), control, 0.0),
     )
 
