@@ -167,6 +167,10 @@ def settled_exponents(branch: Branch, solution: Solution) -> tuple[tuple[Exponen
     EvaluationError
         The two do not agree, or an exponent that must be zero by a symmetry is not.
     """
+    grid = solution.grid
+    if branch.form.motion.kind != "periodic" and grid.nodes > 32:  # exponents settle before the last digits of the state; if not, the loop refines
+        grid = branch.grid(3 * grid.nodes // 4, 0)
+        solution = branch.at_control(grid, branch.on(grid, solution), solution.control)
     while True:
         grid = solution.grid
         rate = growth_scale(branch, solution.control)
@@ -175,8 +179,7 @@ def settled_exponents(branch: Branch, solution: Solution) -> tuple[tuple[Exponen
             found, error = class_values(branch, grid, solution.X, (1.0, 1.37)), 1e-12 * scale
         else:
             coarse = branch.grid(grid.nodes - max(2, grid.nodes // 8), grid.harmonics - 2 if grid.harmonics > 4 else grid.harmonics)
-            pairs = [class_values(branch, grid, solution.X, (1.0,)), class_values(branch, coarse, branch.on(coarse, solution), (1.37,))]
-            found, error = agreed(*pairs, scale)
+            found, error = agreed(class_values(branch, grid, solution.X, (1.0,)), class_values(branch, coarse, branch.on(coarse, solution), (1.37,)), scale)
         if error <= 1e-6 * scale:
             return labelled(branch, found, solution.omega, rate), max(error, 1e-13 * scale)
         nodes, harmonics = grid.nodes + max(4, grid.nodes // 4), grid.harmonics + 4 if grid.harmonics else 0

@@ -82,7 +82,7 @@ class Validation:
     @property
     def agrees(self) -> bool:
         """Tell whether everything does."""
-        return all(check.agrees for check in self.checks) and all(one.agrees for one in (*self.validity, *self.orders))
+        return all(check.agrees for check in self.checks) and all(one.agrees for one in self.validity) and all(one.agrees for one in self.orders)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the comparison as plain data."""
