@@ -218,7 +218,7 @@ def simulate_full(text: str, result: Result, mu: float, amplitude: tuple[complex
         raise NotConverged(f"at time 0: the initial shape cannot be brought to meet the constraints: {failure}") from failure
     Y = np.repeat(guess[:, None], 3, axis=1)
     displacement = [readings(full.rows, grid.unpack(y, 0.0, 0.0))[:, 0]]
-    kept = [grid.unpack(y, full.threshold + mu, 0.0)] if samples else []
+    kept = [grid.unpack(guess, full.threshold + mu, 0.0)] if samples else []
     c = RADAU.sum(axis=1)
     for step in range(count):
         try:
