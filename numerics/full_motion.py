@@ -25,7 +25,7 @@ RADAU = np.array([  # Radau IIA, order 5
     [(16 - ROOT) / 36, (16 + ROOT) / 36, 1 / 9],
 ])
 CONSTRAINT = 1e-10
-PROJECTION = 1e-6  # of a period, whatever the steps: no halving of them may shift the start
+PROJECTION = 1e-5  # of a period, whatever the steps: no halving of them may shift the start
 
 
 class Coarse(NotConverged):
@@ -213,12 +213,12 @@ def simulate_full(text: str, result: Result, mu: float, amplitude: tuple[complex
     try:  # onto the constraints by a step too short for any motion; once more for the multipliers, which the jump has spoilt
         short = Integrator(grid, full.threshold + mu, PROJECTION * steps * h)
         y = short.advance(y, v, np.repeat(y[:, None], 3, axis=1))[0]
-        guess = Integrator(grid, full.threshold + mu, PROJECTION * steps * h).advance(y, v, np.repeat(y[:, None], 3, axis=1))[0]
+        y, v, _, _ = Integrator(grid, full.threshold + mu, PROJECTION * steps * h).advance(y, v, np.repeat(y[:, None], 3, axis=1))
     except NotConverged as failure:
         raise NotConverged(f"at time 0: the initial shape cannot be brought to meet the constraints: {failure}") from failure
-    Y = np.repeat(guess[:, None], 3, axis=1)
+    Y = np.repeat(y[:, None], 3, axis=1)
     displacement = [readings(full.rows, grid.unpack(y, 0.0, 0.0))[:, 0]]
-    kept = [grid.unpack(guess, full.threshold + mu, 0.0)] if samples else []
+    kept = [grid.unpack(y, full.threshold + mu, 0.0)] if samples else []
     c = RADAU.sum(axis=1)
     for step in range(count):
         try:

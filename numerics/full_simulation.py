@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from numerics.coefficients import Module, Result
-from numerics.full_motion import CONSTRAINT, Coarse, Record, simulate_full
+from numerics.full_motion import CONSTRAINT, PROJECTION, Coarse, Record, simulate_full
 from numerics.full_newton import NotConverged
 from numerics.full_orders import components
 from numerics.full_rows import Array, Rows, State, space_basis
@@ -103,6 +103,11 @@ def start_of(full: Full, emitted: str, scene: Scene, order: str, nodes: int) -> 
     return made[0], made[1]
 
 
+def start_time(full: Full) -> float:
+    """Return the time that the two steps take which project the initial shape onto the constraints."""
+    return 2 * PROJECTION * (2 * np.pi / full.frequency if full.hopf else 1.0)
+
+
 def fields_of(full: Full, shapes: Shapes, record: Record) -> dict[str, Array]:
     """Return the fields of the statement in Cartesian components at the kept times."""
     rows = full.rows
@@ -127,7 +132,7 @@ def dataset(full: Full, shapes: Shapes, record: Record, scene: Scene, accuracy: 
     """Return the simulated fields with what made them."""
     threshold = full.result.threshold
     variables = {
-        "time": Variable(axes=("time",), values=np.linspace(0, scene.until, len(record.kept))),
+        "time": Variable(axes=("time",), values=start_time(full) + np.linspace(0, scene.until, len(record.kept))),
         **({"place": Variable(axes=("place",), values=shapes.places)} if shapes.spatial else {}),
         **({"frame": Variable(axes=("frame_vector", "component"), values=shapes.frame)} if shapes.vector else {}),
         **field_variables(shapes, fields_of(full, shapes, record)),
