@@ -142,7 +142,8 @@ def dataset(full: Full, shapes: Shapes, record: Record, scene: Scene, accuracy: 
         "problem": full.result.problem, "model": "full nonlinear problem", "kind": threshold.kind, "multiplicity": threshold.multiplicity, "threshold": threshold.control, "mu": scene.mu,
         "control": full.threshold + scene.mu, "frequency": threshold.frequency or "0", "order": shapes.order, "initial": ", ".join(str(one) for one in scene.initial),
         "method": "Radau IIA, order 5", "steps_per_period": steps, "steps": len(record.times) - 1, "nodes": record.nodes,
-        "error": error,  # change of the normalised field by halved steps, of its largest value
+        "error": error + 2 * np.pi * PROJECTION,  # of the normalised field, of its largest value: change by halved steps, and the time of one projection of the start
+        "step_error": error,
         "constraint": max(record.residual, 1e-300), "constraint_bound": CONSTRAINT,
     }
     return Dataset(variables=variables, attributes=attributes)
