@@ -344,8 +344,12 @@ def full(target: str, state: str, mu: float | None, mu_range: tuple[float, float
 @click.option("--places", default=51, show_default=True, type=int, help="Number of places along space.")
 @click.option("--spacing", default="linear", show_default=True, type=click.Choice(["linear", "log"]), help="Spacing of the times.")
 @click.option("--format", "form", default=None, type=click.Choice(["npz", "nc"]), help="NPZ, or NetCDF.")
-def simulate(target: str, initial: str, mu: float, until: float, out: str, order: str, points: int, places: int, spacing: str, form: str | None) -> None:
-    """Integrate the amplitude equation and write the fields of the full problem along the motion.
+@click.option("--full", "as_full", is_flag=True, help="Integrate the full nonlinear problem itself, from the shape that the amplitude has to that order.")
+@click.option("--steps", default=24, show_default=True, type=click.IntRange(4, 100_000), help="With --full: fewest time steps in a period of the threshold (in the unit of time when steady).")
+@click.option("--tolerance", default=1e-6, show_default=True, type=float, help="With --full: steps are halved until they change the normalised field by less than this share of its largest value.")
+def simulate(target: str, initial: str, mu: float, until: float, out: str, order: str, points: int, places: int, spacing: str, form: str | None, as_full: bool, steps: int,
+             tolerance: float) -> None:
+    """Integrate the amplitude equation, or with --full the full problem, and write the fields along the motion.
 
     Amplitude and time are the original ones, dA/dt = gamma mu A + ..., without a small parameter: u = base + A phi exp(i omega t) + c.c., so that A is half
     the peak of the normalised field (for a steady bifurcation u = base + A phi, A real). The paper's scaled amplitude and slow time are A/epsilon^(1/2) and
@@ -362,8 +366,15 @@ def simulate(target: str, initial: str, mu: float, until: float, out: str, order
         raise click.UsageError(f"--out: found {path.name!r}; expected a name that ends in .npz or .nc, or --format")
     scene = Scene(initial=parse_amplitude(initial), mu=mu, until=until)
     sampling = Sampling(times=points, places=places, logarithmic=spacing == "log", order=order)
-    data = run(derived(target).emit(), scene, sampling)
-    if data.attributes["phase_error"] > 1e-3:
+    if as_full:
+        from derive.residual import emit_residual
+        from numerics.full_simulation import Accuracy, simulate_fields
+
+        derivation, result = coefficients_of(target, 15, "auto", False)
+        data = simulate_fields(emit_residual(derivation.problem), derivation.emit(), result, scene, sampling, Accuracy(steps=steps, tolerance=tolerance))
+    else:
+        data = run(derived(target).emit(), scene, sampling)
+    if data.attributes.get("phase_error", 0.0) > 1e-3:
         click.echo(f"fredholm: warning: slow phases at the end are known to {data.attributes['phase_error']:.1g} rad only", err=True)
     write_bytes(path, data.as_bytes(form))
     click.echo(path)
@@ -423,7 +434,7 @@ def validate(target: str, as_json: bool) -> int:
 
     derivation, result = coefficients_of(target, 15, "auto", False)
     say: Callable[[str], None] = lambda text: click.echo(text, err=True) if sys.stderr.isatty() else None  # noqa: E731
-    found = run(emit_residual(derivation.problem), result, say)
+    found = run(emit_residual(derivation.problem), derivation.emit(), result, say)
     click.echo(json.dumps(found.as_dict()) if as_json else found.text())
     return 0 if found.agrees else 1
 

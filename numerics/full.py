@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import floor, log10
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from numerics.coefficients import Result
-from numerics.full_newton import Condition, Solution, newton
+from numerics.full_cycles import Cycles
+from numerics.full_newton import Condition, NotConverged, Solution, newton
+from numerics.full_orbit import Found
 from numerics.full_rows import Rows, State
-from numerics.full_stability import Exponent, exponents_of
-from numerics.full_states import MAX_NODES, Branch, Full, Prediction
+from numerics.full_stability import Exponent, exponents_of, settled_exponents
+from numerics.full_states import MAX_NODES, Branch, Full, Prediction, peak_of
 from numerics.precision import EvaluationError
 
 SHOWN = 8
@@ -32,6 +35,8 @@ class FullState:
         Estimate of the relative error of peak and frequency: two resolutions, and the rounding of the control.
     exponents
         Leading growth rates (steady and rotating states) or Floquet exponents (modulo i times the frequency).
+    exponent_error
+        Estimate of the error of those that grow or decay least, from two resolutions.
     """
 
     state: str
@@ -41,6 +46,7 @@ class FullState:
     frequency: float | None
     predicted: Prediction | None
     exponents: tuple[Exponent, ...]
+    exponent_error: float
     error: float
     nodes: int
     harmonics: int
@@ -60,8 +66,8 @@ class FullState:
         return {
             "state": self.state, "mu": decimal(self.mu, 0.0), "control": decimal(self.control, 0.0), "peak": decimal(self.peak, self.error), "frequency": frequency,
             "predicted": {"peak": decimal(predicted.peak, 0.0), "frequency": None if predicted.frequency is None else decimal(predicted.frequency, 0.0)} if predicted else None,
-            "exponents": [{"re": decimal(one.value.real, 1e-9), "im": decimal(one.value.imag, 1e-9), "kind": one.kind} for one in self.exponents[:SHOWN]],
-            "stable": self.stable, "error": f"{self.error:.1e}", "resolution": {"nodes": self.nodes, "harmonics": self.harmonics, "residual": f"{self.residual:.1e}"},
+            "exponents": [{"re": placed(one.value.real, self.exponent_error), "im": placed(one.value.imag, self.exponent_error), "kind": one.kind} for one in self.exponents[:SHOWN]],
+            "exponent_error": f"{self.exponent_error:.1e}", "stable": self.stable, "error": f"{self.error:.1e}", "resolution": {"nodes": self.nodes, "harmonics": self.harmonics, "residual": f"{self.residual:.1e}"},
             "seconds": round(self.seconds, 4),
         }
 
@@ -82,7 +88,8 @@ class FullState:
             lines.append(f"  frequency  {decimal(self.frequency, self.error)}" + (f"   amplitude equation {predicted.frequency:.8g}" if predicted and predicted.frequency else ""))
         for one in self.exponents[:SHOWN]:
             lines.append(f"  exponent   {one.value.real:+.9g} {one.value.imag:+.9g}i" + (f"   {one.kind}" if one.kind else ""))
-        lines.append(f"  relative error {self.error:.1e}, {self.nodes} nodes" + (f", {self.harmonics} harmonics" if self.harmonics else "") + f", {self.seconds:.2f} s")
+        harmonics = f", {self.harmonics} harmonics" if self.harmonics else ""
+        lines.append(f"  relative error {self.error:.1e}, of the exponents {self.exponent_error:.1e} (absolute), {self.nodes} nodes" + harmonics + f", {self.seconds:.2f} s")
         return "\n".join(lines)
 
     def __repr__(self) -> str:
@@ -93,6 +100,11 @@ def decimal(value: float, error: float) -> str:
     """Return a number with the digits that its relative error allows."""
     digits = 16 if error <= 0 else min(16, max(1, floor(-log10(error)) + 1))
     return f"{value:.{digits}g}"
+
+
+def placed(value: float, error: float) -> str:
+    """Return a number with the places that its absolute error allows."""
+    return f"{value:.{min(16, max(0, floor(-log10(max(error, 1e-16)))))}f}"
 
 
 def solve_state(text: str, result: Result, state: str, mu: float, tolerance: float = 1e-10) -> FullState:
@@ -121,7 +133,39 @@ def solve_state(text: str, result: Result, state: str, mu: float, tolerance: flo
         return at_rest(branch, mu, started)
     if mu == 0:
         raise EvaluationError(f"mu: found 0, where {state} has no amplitude; expected mu on the side on which it exists")
-    return completed(branch, branch.start(mu), tolerance, started)
+    if not turning(branch):
+        return completed(branch, branch.start(mu), tolerance, started)
+    cycles = Cycles(branch)
+    try:
+        found = cycles.start(mu)
+    except NotConverged:  # a fold on the way: by pseudo-arclength
+        start = branch.start(mu)
+        found = cycles.at(start.grid.unpack(start.y, start.control, start.omega), start.grid.nodes, 2 * start.grid.harmonics)
+    return completed_orbit(cycles, found, tolerance, started)
+
+
+def turning(branch: Branch) -> bool:
+    """Tell whether a state is periodic in time and extended in space: collocation in time then costs less than harmonics."""
+    return branch.form.motion.kind == "periodic" and branch.full.rows.spatial
+
+
+def predicted_at(branch: Branch, mu: float) -> Prediction | None:
+    """Return the prediction of the amplitude equation, if it has the state at mu."""
+    try:
+        return branch.full.predict(branch.state, mu)
+    except EvaluationError:
+        return None
+
+
+def completed_orbit(cycles: Cycles, start: Found, tolerance: float, started: float) -> FullState:
+    """Return an orbit refined to the tolerance, with its stability."""
+    found, error, exponents, exponent_error = cycles.refined(start, tolerance)
+    branch, orbit, state = cycles.branch, found.orbit, found.orbit.state
+    mu = cycles.mu(orbit)
+    return FullState(
+        state=branch.state, mu=mu, control=orbit.control, peak=peak_of(branch.full.rows, state), frequency=orbit.omega, predicted=predicted_at(branch, mu), exponents=exponents,
+        exponent_error=exponent_error, error=error, nodes=state.nodes, harmonics=state.harmonics, residual=found.residual, seconds=time.perf_counter() - started, shape=state,
+    )
 
 
 def check_tolerance(tolerance: float) -> None:
@@ -144,8 +188,10 @@ def at_rest(branch: Branch, mu: float, started: float) -> FullState:
         nodes += nodes // 4
         if nodes > MAX_NODES:
             raise EvaluationError(f"{branch.state} at control {control:.8g}: found leading growth rates that still change by {error:.1e} at {grid.nodes} nodes; expected them to settle")
+    scale = max((abs(one.value) for one in found[:2]), default=1.0)
     return FullState(
-        state=branch.state, mu=mu, control=control, peak=0.0, frequency=None, predicted=full.predict(branch.state, mu), exponents=found, error=0.0 if grid.nodes == 1 else error, nodes=grid.nodes,
+        state=branch.state, mu=mu, control=control, peak=0.0, frequency=None, predicted=full.predict(branch.state, mu), exponents=found, exponent_error=(1e-12 if grid.nodes == 1 else error) * scale,
+        error=0.0 if grid.nodes == 1 else error, nodes=grid.nodes,
         harmonics=0, residual=0.0, seconds=time.perf_counter() - started, shape=grid.unpack(np.zeros(grid.size), control, 0.0),
     )
 
@@ -164,13 +210,10 @@ def completed(branch: Branch, start: Solution, tolerance: float, started: float)
     solution, error = branch.refined(start, tolerance)
     full = branch.full
     mu = solution.control - full.threshold
-    try:
-        predicted = full.predict(branch.state, mu)
-    except EvaluationError:
-        predicted = None
+    exponents, exponent_error = settled_exponents(branch, solution)
     return FullState(
-        state=branch.state, mu=mu, control=solution.control, peak=branch.peak(solution), frequency=solution.omega if full.hopf else None, predicted=predicted,
-        exponents=exponents_of(branch, solution.grid, solution.y, solution.control, solution.omega), error=error, nodes=solution.grid.nodes,
+        state=branch.state, mu=mu, control=solution.control, peak=branch.peak(solution), frequency=solution.omega if full.hopf else None, predicted=predicted_at(branch, mu),
+        exponents=exponents, exponent_error=exponent_error, error=error, nodes=solution.grid.nodes,
         harmonics=solution.grid.harmonics, residual=solution.residual, seconds=time.perf_counter() - started,
         shape=solution.grid.unpack(solution.y, solution.control, solution.omega),
     )
@@ -206,6 +249,9 @@ def follow_branch(text: str, result: Result, state: str, low: float, high: float
         for mu in np.linspace(low, high, 30):
             yield at_rest(branch, float(mu), time.perf_counter())
         return
+    if turning(branch):
+        yield from follow_orbits(Cycles(branch), low, high, tolerance)
+        return
     current = branch.start(low)
     started = time.perf_counter()
     before = completed(branch, current, tolerance, started)
@@ -217,6 +263,52 @@ def follow_branch(text: str, result: Result, state: str, low: float, high: float
             yield secondary_between(branch, before, after)
         yield after
         before = after
+
+
+def follow_orbits(cycles: Cycles, low: float, high: float, tolerance: float) -> Iterator[FullState | Secondary]:
+    """Yield the orbits of a branch and its secondary bifurcations."""
+    before: tuple[FullState, Found] | None = None
+    for found in cycles.follow(cycles.start(low), cycles.branch.full.threshold + high, longest=0.15):
+        after = completed_orbit(cycles, found, tolerance, time.perf_counter())
+        if before is not None and unstable(before[0]) != unstable(after):
+            yield secondary_orbit(cycles, before[0], after)
+        yield after
+        before = after, found
+
+
+def secondary_orbit(cycles: Cycles, before: FullState, after: FullState) -> Secondary:
+    """Return where the last growing exponent of an orbit crosses the axis, at two resolutions."""
+    rank = max(unstable(before), unstable(after)) - 1
+    nodes, harmonics = max(before.nodes, after.nodes), max(before.harmonics, after.harmonics) + 1
+    elements = harmonics if cycles.branch.form.motion.symmetric else 2 * harmonics
+    found: list[tuple[float, Exponent]] = []
+    for factor in (1.0, 1.25):
+        last = cycles.at(before.shape, int(nodes * factor), int(elements * factor))
+        kept: list[Exponent] = []
+
+        def crossing(control: float) -> float:
+            nonlocal last
+            last = cycles.solve(replace(last.orbit, control=control))
+            every = cycles.exponents(last)
+            kept[:] = [one for one in every if not one.neutral][rank:rank + 1]
+            if not kept:
+                raise EvaluationError(f"{before.state} near control {control:.8g}: found too few exponents to locate the secondary bifurcation; ask for a smaller tolerance")
+            # A real exponent meets the neutral one of its class at the crossing: their sum does not feel that they repel each other by rounding.
+            return kept[0].value.real + sum(one.value.real for one in every if one.neutral and one.kind.startswith(kept[0].kind))
+
+        ends = (before.control, after.control)
+        if found:  # a narrow bracket around what the first resolution found
+            ends = (found[0][0] - 1e-3 * (ends[1] - ends[0]), found[0][0] + 1e-3 * (ends[1] - ends[0]))
+        values = [crossing(control) for control in ends]
+        if values[0] * values[1] > 0:
+            raise EvaluationError(f"{before.state} between controls {before.control:.8g} and {after.control:.8g}: found exponents that cross twice, or two resolutions that differ; follow a shorter range")
+        control = float(brentq(crossing, *ends, xtol=1e-9 * abs(ends[1]), rtol=1e-10))
+        crossing(control)
+        found.append((control, kept[0]))
+    (first, _), (control, critical) = found
+    real = abs(critical.value.imag) < 1e-3 * abs(after.frequency or 1.0)
+    return Secondary(state=before.state, kind="real" if real else "complex", mu=control - cycles.branch.full.threshold, control=control, frequency=0.0 if real else abs(critical.value.imag),
+                     error=max(2 * abs(control - first) / max(abs(control), 1e-300), 1e-9), where=critical.kind)
 
 
 def unstable(one: FullState) -> int:
@@ -267,3 +359,31 @@ def secondary_between(branch: Branch, before: FullState, after: FullState) -> Se
     error = abs(controls[1] - controls[0]) / abs(controls[1]) if controls[1] else abs(controls[1] - controls[0])
     return Secondary(state=branch.state, kind="real" if real else "complex", mu=controls[1] - branch.full.threshold, control=controls[1], frequency=abs(critical.value.imag) if not real else 0.0,
                      error=max(2 * error, 1e-9), where=critical.kind)
+
+
+def measured_points(text: str, result: Result, reach: float, points: int = 4) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
+    """Return {state: (controls, peaks)} of the full problem within `reach` of the threshold, to about 1e-4 of the peak: symbols for a bifurcation diagram.
+
+    Where the amplitude equation has a state on one side only there are `points` of them. A point that cannot be found is left out.
+    """
+    full = Full(rows=Rows(text), result=result)
+    found: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {}
+    for state in full.states[1:]:
+        branch = Branch(full, state)
+        cycles = Cycles(branch)
+        pairs = []
+        for share in [k / points for k in range(-points, points + 1) if k]:
+            mu = share * reach
+            if predicted_at(branch, mu) is None:
+                continue
+            try:
+                if turning(branch):
+                    orbit = cycles.resolved(cycles.start(mu), 1e-4).orbit
+                    pairs.append((orbit.control, peak_of(full.rows, orbit.state)))
+                else:
+                    solution = branch.resolved(branch.start(mu), 1e-4)
+                    pairs.append((solution.control, branch.peak(solution)))
+            except NotConverged:
+                continue
+        found[state] = (tuple(pair[0] for pair in pairs), tuple(pair[1] for pair in pairs))
+    return found

@@ -25,7 +25,11 @@ RADAU = np.array([  # Radau IIA, order 5
     [(16 - ROOT) / 36, (16 + ROOT) / 36, 1 / 9],
 ])
 CONSTRAINT = 1e-10
-PROJECTION = 0.01
+PROJECTION = 1e-5  # of a period, whatever the steps: no halving of them may shift the start
+
+
+class Coarse(NotConverged):
+    """The nodes in space do not meet the constraints; the message gives time and residual."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +42,8 @@ class Record:
         Deviation of the normalised field from the base state at its place: (times, components).
     residual
         Largest scaled residual of all rows at the end of any step: constraints and balances alike.
+    kept
+        The deviation from the base state at equally spaced times, the first and the last among them, if samples were asked for.
     """
 
     times: Array
@@ -45,6 +51,8 @@ class Record:
     residual: float
     factors: int
     last: State
+    kept: tuple[State, ...]
+    nodes: int
 
 
 class ComplexLeastSquares:
@@ -171,7 +179,7 @@ def initial_shape(full: Full, grid: Discretisation, amplitude: tuple[complex, ..
     return grid.pack(made[0]), grid.pack(made[1])
 
 
-def simulate_full(text: str, result: Result, mu: float, amplitude: tuple[complex, ...], time: float, steps: int = 24, nodes: int = 24, start: tuple[State, State] | None = None) -> Record:
+def simulate_full(text: str, result: Result, mu: float, amplitude: tuple[complex, ...], time: float, steps: int = 24, nodes: int = 24, start: tuple[State, State] | None = None, samples: int = 0) -> Record:
     """Return the motion of the full problem from an initial shape.
 
     Parameters
@@ -184,11 +192,13 @@ def simulate_full(text: str, result: Result, mu: float, amplitude: tuple[complex
         Steps in the period of the threshold (in the unit of time when steady).
     start
         Deviation from the base state and its rate, any shape: what violates the constraints is projected by the first step.
+    samples
+        How many equal intervals of time end with a state that is kept; the steps are made to fit.
 
     Raises
     ------
     NotConverged
-        A step fails, or a constraint is not kept to 1e-10; the message gives the time.
+        A step fails, or (`Coarse`) a constraint is not kept to 1e-10; the message gives the time.
     """
     full = Full(rows=Rows(text), result=result)
     if not time > 0 or steps < 1:
@@ -196,17 +206,19 @@ def simulate_full(text: str, result: Result, mu: float, amplitude: tuple[complex
     grid = Discretisation(full.rows, Motion(kind="steady"), (Group(members=tuple(range(full.rows.count))),), nodes)
     h = (2 * pi / full.frequency if full.hopf else 1.0) / steps
     count = ceil(time / h - 1e-9)
+    count = samples * ceil(count / samples) if samples else count
     integrator = Integrator(grid, full.threshold + mu, time / count)
     y, v = (grid.pack(one) for one in start) if start else initial_shape(full, grid, amplitude)
     worst = 0.0
     try:  # onto the constraints by a step too short for any motion; once more for the multipliers, which the jump has spoilt
-        short = Integrator(grid, full.threshold + mu, PROJECTION * integrator.step)
+        short = Integrator(grid, full.threshold + mu, PROJECTION * steps * h)
         y = short.advance(y, v, np.repeat(y[:, None], 3, axis=1))[0]
-        guess = Integrator(grid, full.threshold + mu, PROJECTION * integrator.step).advance(y, v, np.repeat(y[:, None], 3, axis=1))[0]
+        y, v, _, _ = Integrator(grid, full.threshold + mu, PROJECTION * steps * h).advance(y, v, np.repeat(y[:, None], 3, axis=1))
     except NotConverged as failure:
         raise NotConverged(f"at time 0: the initial shape cannot be brought to meet the constraints: {failure}") from failure
-    Y = np.repeat(guess[:, None], 3, axis=1)
+    Y = np.repeat(y[:, None], 3, axis=1)
     displacement = [readings(full.rows, grid.unpack(y, 0.0, 0.0))[:, 0]]
+    kept = [grid.unpack(y, full.threshold + mu, 0.0)] if samples else []
     c = RADAU.sum(axis=1)
     for step in range(count):
         try:
@@ -215,13 +227,15 @@ def simulate_full(text: str, result: Result, mu: float, amplitude: tuple[complex
             raise NotConverged(f"at time {step * integrator.step:.6g}: {failure}") from failure
         worst = max(worst, residual)
         if residual > CONSTRAINT:
-            raise NotConverged(f"at time {(step + 1) * integrator.step:.6g}: found a residual of {residual:.1e} in the rows; expected {CONSTRAINT:.0e}: ask for more nodes")
+            raise Coarse(f"at time {(step + 1) * integrator.step:.6g}: found a residual of {residual:.1e} in the rows; expected {CONSTRAINT:.0e}: ask for more nodes")
         # The collocation polynomial through the stages, continued, starts the next step.
         Y = continued(c, Y, 1 + c) if step else np.repeat(y_next[:, None], 3, axis=1)
         y = y_next
         displacement.append(readings(full.rows, grid.unpack(y, 0.0, 0.0))[:, 0])
+        if samples and (step + 1) % (count // samples) == 0:
+            kept.append(grid.unpack(y, full.threshold + mu, 0.0))
     times = np.arange(count + 1) * integrator.step
-    return Record(times=times, displacement=np.array(displacement), residual=worst, factors=integrator.factors, last=grid.unpack(y, full.threshold + mu, 0.0))
+    return Record(times=times, displacement=np.array(displacement), residual=worst, factors=integrator.factors, last=grid.unpack(y, full.threshold + mu, 0.0), kept=tuple(kept), nodes=nodes)
 
 
 def continued(nodes: Array, values: Array, at: Array) -> Array:

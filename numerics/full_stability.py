@@ -15,9 +15,9 @@ import numpy as np
 from scipy.linalg import eig
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
-from numerics.full_newton import LeastSquares
+from numerics.full_newton import LeastSquares, Solution
 from numerics.full_rows import Array, Discretisation, Linearisation
-from numerics.full_states import Branch
+from numerics.full_states import MAX_HARMONICS, MAX_NODES, Branch
 from numerics.precision import EvaluationError
 
 DENSE = 420
@@ -101,14 +101,24 @@ def truncation(grid: Discretisation, vector: Array) -> float:
     return worst
 
 
-def class_spectrum(at: Linearisation, grid: Discretisation, sigma: float, strip: float, count: int) -> Array:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Search:
+    """Where exponents are looked for: near the shifts (those found at all of them count), in a strip about the real axis (0: everywhere)."""
+
+    shifts: tuple[float, ...]
+    strip: float
+    count: int = COUNT
+
+
+def class_spectrum(at: Linearisation, grid: Discretisation, search: Search) -> Array:
     """Return the exponents of one class of disturbances, sorted from the most dangerous."""
+    sigma, strip = search.shifts[0], search.strip
     parts = [at.matrix(part, grid) for part in ("value", "growth", "growth2")]
     scale = at.scales(np.hstack([part * sigma**power for power, part in enumerate(parts)]))
     parts = [part[scale > 0] * scale[scale > 0, None] for part in parts]
-    values, vectors = pencil_spectrum(parts, sigma, count)
-    if grid.size <= DENSE:  # infinite eigenvalues of higher index move with the shift
-        others, _ = pencil_spectrum(parts, 1.37 * sigma, count)
+    values, vectors = pencil_spectrum(parts, sigma, search.count)
+    for other in search.shifts[1:] if grid.size <= DENSE else ():  # infinite eigenvalues of higher index move with the shift
+        others, _ = pencil_spectrum(parts, other, search.count)
         same = np.array([np.abs(others - value).min(initial=np.inf) < 1e-5 * (abs(value) + sigma) for value in values], dtype=bool)
         values, vectors = values[same], vectors[:, same]
     if strip:
@@ -118,7 +128,27 @@ def class_spectrum(at: Linearisation, grid: Discretisation, sigma: float, strip:
     return values[np.lexsort((-values.imag, np.round(-values.real, 9)))]
 
 
-def exponents_of(branch: Branch, grid: Discretisation, y: Array, control: float, omega: float, count: int = COUNT) -> tuple[Exponent, ...]:
+def class_values(branch: Branch, grid: Discretisation, X: Array, shifts: Sequence[float]) -> list[tuple[str, Array]]:
+    """Return the exponents of a state X = (coefficients, frequency, control) by class, found from all the shifts, which are factors of a size of the problem."""
+    full, state, motion = branch.full, branch.state, branch.form.motion
+    omega, control = float(X[-2]), float(X[-1])
+    at = grid.linearise(X[:-2], control, omega)
+    rate = growth_scale(branch, control)
+    sigma = 0.137 * abs(omega or full.frequency) if full.hopf else 0.618 * rate if rate else 1.0
+    strip = (2 if motion.symmetric else 1) * abs(omega) if motion.kind == "periodic" else 0.0
+    search = Search(shifts=tuple(sigma * factor for factor in shifts), strip=strip)
+    classes = [("in plane" if full.vector and state in ("beating", "branch") else "", grid)]
+    if branch.form.others and any(group.members for group in branch.form.others):
+        classes.append(("out of plane", Discretisation(full.rows, motion, branch.form.others, grid.nodes, grid.harmonics)))
+    return [(kind, class_spectrum(at, space, search)) for kind, space in classes]
+
+
+def growth_scale(branch: Branch, control: float) -> float:
+    """Return the growth rate of the base state that the amplitude equation gives."""
+    return abs(branch.full.coefficient("mu*A").real * (control - branch.full.threshold))
+
+
+def exponents_of(branch: Branch, grid: Discretisation, y: Array, control: float, omega: float) -> tuple[Exponent, ...]:
     """Return the leading exponents of a state, neutral ones recognised.
 
     Raises
@@ -126,23 +156,73 @@ def exponents_of(branch: Branch, grid: Discretisation, y: Array, control: float,
     EvaluationError
         An exponent that must be zero by a symmetry is not.
     """
-    full, state, motion = branch.full, branch.state, branch.form.motion
-    at = grid.linearise(y, control, omega)
-    mu = control - full.threshold
-    rate = abs(full.coefficient("mu*A").real * mu)
-    sigma = 0.137 * abs(omega or full.frequency) if full.hopf else 0.618 * rate if rate else 1.0
-    strip = (2 if motion.symmetric else 1) * abs(omega) if motion.kind == "periodic" else 0.0
-    planar = full.vector and state in ("beating", "branch")
-    classes = [("in plane" if planar else "", grid, 1 if state in ("beating", "whirling", "cycle") else 0)]
-    if branch.form.others and any(group.members for group in branch.form.others):
-        classes.append(("out of plane", Discretisation(full.rows, motion, branch.form.others, grid.nodes, grid.harmonics), 1))
+    return labelled(branch, class_values(branch, grid, np.concatenate([y, [omega, control]]), (1.0, 1.37)), omega, growth_scale(branch, control))
+
+
+def settled_exponents(branch: Branch, solution: Solution) -> tuple[tuple[Exponent, ...], float]:
+    """Return the leading exponents of a state, from two resolutions and two shifts, and the change of those that grow or decay least.
+
+    Raises
+    ------
+    EvaluationError
+        The two do not agree, or an exponent that must be zero by a symmetry is not.
+    """
+    grid = solution.grid
+    if branch.form.motion.kind != "periodic" and grid.nodes > 32:  # exponents settle before the last digits of the state; if not, the loop refines
+        grid = branch.grid(3 * grid.nodes // 4, 0)
+        solution = branch.at_control(grid, branch.on(grid, solution), solution.control)
+    while True:
+        grid = solution.grid
+        rate = growth_scale(branch, solution.control)
+        scale = max(abs(solution.omega), rate, 1e-300)
+        if not branch.full.rows.spatial and not grid.harmonics:  # nothing to resolve: two shifts
+            found, error = class_values(branch, grid, solution.X, (1.0, 1.37)), 1e-12 * scale
+        else:
+            coarse = branch.grid(grid.nodes - max(2, grid.nodes // 8), grid.harmonics - 2 if grid.harmonics > 4 else grid.harmonics)
+            found, error = agreed(class_values(branch, grid, solution.X, (1.0,)), class_values(branch, coarse, branch.on(coarse, solution), (1.37,)), scale)
+        if error <= 1e-6 * scale:
+            return labelled(branch, found, solution.omega, rate), max(error, 1e-13 * scale)
+        nodes, harmonics = grid.nodes + max(4, grid.nodes // 4), grid.harmonics + 4 if grid.harmonics else 0
+        if nodes > MAX_NODES or harmonics > MAX_HARMONICS:
+            raise EvaluationError(f"{branch.state} at control {solution.control:.8g}: found exponents that differ by {error:.1e} between two resolutions; expected less than {1e-6 * scale:.1e}")
+        finer = branch.grid(nodes, harmonics)
+        solution = branch.at_control(finer, branch.on(finer, solution), solution.control)
+
+
+def agreed(fine: Sequence[tuple[str, Array]], coarse: Sequence[tuple[str, Array]], scale: float) -> tuple[list[tuple[str, Array]], float]:
+    """Return the exponents that two resolutions share, by class, and the largest change of those that grow and of the two next ones.
+
+    One that grows and is found by one resolution only counts as an infinite change.
+    """
+    kept, worst = [], 0.0
+    for (kind, new), (_, old) in zip(fine, coarse, strict=True):
+        change = np.array([np.abs(old - value).min(initial=np.inf) for value in new])
+        lost = np.array([np.abs(new - value).min(initial=np.inf) for value in old])
+        same = change < 1e-4 * (np.abs(new) + scale)
+        growing = new.real > 1e-5 * scale
+        missed = (growing & ~same).any() or ((old.real > 1e-5 * scale) & (lost > 1e-4 * (np.abs(old) + scale))).any()
+        new, change = new[same], change[same]
+        leading = change[: int(np.sum(new.real > 1e-5 * scale)) + 3]
+        worst = max(worst, np.inf if missed else float(leading.max(initial=0.0)))
+        kept.append((kind, new))
+    return kept, worst
+
+
+def labelled(branch: Branch, classes: Sequence[tuple[str, Array]], omega: float, rate: float = 0.0) -> tuple[Exponent, ...]:
+    """Return the exponents of all classes, the one of each that a symmetry makes zero recognised.
+
+    Raises
+    ------
+    EvaluationError
+        An exponent that must be zero by a symmetry is not.
+    """
     found: list[Exponent] = []
-    for kind, space, neutral in classes:
-        values = class_spectrum(at, space, sigma, strip, count)
+    for kind, values in classes:
+        neutral = 1 if branch.state in ("beating", "whirling", "cycle") or kind == "out of plane" else 0
         order = np.argsort(np.abs(values))[:neutral]
         if neutral and (not len(values) or abs(values[order[0]]) > 1e-4 * max(abs(omega), rate)):
             raise EvaluationError(f"exponents: found {values[order] if len(values) else 'none'} {kind}; expected a neutral one by symmetry: the state is not resolved well enough, ask for a smaller tolerance")
-        why = "rotation" if kind == "out of plane" or state == "whirling" else "phase"
+        why = "rotation" if kind == "out of plane" or branch.state == "whirling" else "phase"
         for k, value in enumerate(values):
             label = f"neutral ({why})" if k in order else ""
             found.append(Exponent(value=complex(value), kind=", ".join(part for part in (kind, label) if part)))

@@ -238,13 +238,13 @@ class Branch:
         state = solution.grid.unpack(solution.y, solution.control, solution.omega)
         return np.concatenate([grid.pack(state), [solution.omega, solution.control]])
 
-    def start(self, mu: float) -> Solution:
-        """Return the state at mu, coarsely resolved: from the prediction, or followed from nearer the threshold.
+    def near(self, mu: float) -> tuple[Solution, float, float]:
+        """Return a state at about a share of mu, coarsely resolved, from the prediction; the share, and its leading harmonic.
 
         Raises
         ------
         NotConverged
-            Neither works; the message says what failed.
+            Newton's method finds none.
         """
         nodes, harmonics = self.coarse()
         grid = self.grid(nodes, harmonics)
@@ -254,17 +254,26 @@ class Branch:
             try:
                 near = self.at_amplitude(grid, X, reading, share * mu)
                 if abs(near.control - self.full.threshold - share * mu) < 0.35 * abs(share * mu):
-                    break
+                    return near, share, reading
             except NotConverged:
                 pass
             share *= 0.25
-        else:
-            raise NotConverged(f"{self.state}: found no state near the threshold from the prediction; ask for mu nearer to 0")
+        raise NotConverged(f"{self.state}: found no state near the threshold from the prediction; ask for mu nearer to 0")
+
+    def start(self, mu: float) -> Solution:
+        """Return the state at mu, coarsely resolved: from the prediction, or followed from nearer the threshold.
+
+        Raises
+        ------
+        NotConverged
+            Neither works; the message says what failed.
+        """
+        near, share, reading = self.near(mu)
         target = self.full.threshold + mu
         if share == 1.0:
             try:
-                found = self.at_control(grid, near.X, target)
-                if abs(self.amplitude_row(grid) @ found.X) > 0.5 * abs(reading):
+                found = self.at_control(near.grid, near.X, target)
+                if abs(self.amplitude_row(near.grid) @ found.X) > 0.5 * abs(reading):
                     return found
             except NotConverged:
                 pass
@@ -422,8 +431,12 @@ def peak_of(rows: Rows, state: State) -> float:
 
 
 def tails(rows: Rows, solution: Solution) -> tuple[float, float]:
+    """Return the tails of a solution."""
+    return field_tails(rows, solution.grid.unpack(solution.y, solution.control, solution.omega))
+
+
+def field_tails(rows: Rows, state: State) -> tuple[float, float]:
     """Return the size of the last coefficients in space and in time, against the largest of the field."""
-    state = solution.grid.unpack(solution.y, solution.control, solution.omega)
     space = time = 0.0
     for field in sorted(set(rows.field)):
         members = [k for k in range(rows.count) if rows.field[k] == field]

@@ -24,6 +24,7 @@ from numpy.polynomial import Polynomial
 
 from numerics.coefficients import Result
 from numerics.full_newton import NotConverged, Solution
+from numerics.full_orders import ResidualOrder, residual_orders
 from numerics.full_rows import Array, Rows
 from numerics.full_stability import exponents_of
 from numerics.full_states import CUBIC, Branch, Full
@@ -75,12 +76,13 @@ class Validation:
     problem: str
     checks: tuple[Check, ...]
     validity: tuple[Validity, ...]
+    orders: tuple[ResidualOrder, ...]
     seconds: float
 
     @property
     def agrees(self) -> bool:
         """Tell whether everything does."""
-        return all(check.agrees for check in self.checks) and all(one.agrees for one in self.validity)
+        return all(check.agrees for check in self.checks) and all(one.agrees for one in self.validity) and all(one.agrees for one in self.orders)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the comparison as plain data."""
@@ -90,6 +92,7 @@ class Validation:
                         "measured": {"re": repr(one.measured.real), "im": repr(one.measured.imag)}, "error": f"{one.error:.1e}", "digits": one.digits, "agrees": one.agrees} for one in self.checks],
             "validity": [{"state": one.state, "order_peak": written(one.order_peak), "order_frequency": None if one.order_frequency is None else written(one.order_frequency),
                           "within": {f"{share:g}": None if mu is None else f"{mu:.6g}" for share, mu in one.within}, "agrees": one.agrees} for one in self.validity],
+            "residual_orders": [one.as_dict() for one in self.orders],
         }
 
     def text(self) -> str:
@@ -101,7 +104,7 @@ class Validation:
             orders = f"error of the peak {power(state.order_peak)} (relative)" + (f", of the frequency {power(state.order_frequency)}" if state.order_frequency is not None else "")
             limits = ", ".join(f"{100 * share:g} %: mu = {'beyond ' if mu is None else ''}{'what was followed' if mu is None else f'{mu:.4g}'}" for share, mu in state.within)
             lines.append(f"  {state.state:12} {orders}; peak within {limits}{'' if state.agrees else '  DISAGREES'}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *(one.line() for one in self.orders)])
 
 
 def written(order: float) -> str | None:
@@ -119,13 +122,15 @@ def shown(value: complex) -> str:
     return f"{value.real:.12g}" if value.imag == 0 else f"{value.real:.12g} {'-' if value.imag < 0 else '+'} {abs(value.imag):.12g}i"
 
 
-def validate(text: str, result: Result, say: Callable[[str], None] = lambda message: None) -> Validation:
+def validate(text: str, emitted: str, result: Result, say: Callable[[str], None] = lambda message: None) -> Validation:
     """Return the comparison of threshold, frequency and coefficients with the full problem.
 
     Parameters
     ----------
     text
         What `derive.residual.emit_residual` returns.
+    emitted
+        The emitted derivation: it gives the truncated expansion.
     result
         The derived threshold and coefficients.
 
@@ -148,7 +153,9 @@ def validate(text: str, result: Result, say: Callable[[str], None] = lambda mess
         checks += compared(branch, fit, gamma, gamma_error)
         say(f"{state}: range of validity")
         validity.append(validity_of(branch))
-    return Validation(problem=result.problem, checks=tuple(checks), validity=tuple(validity), seconds=time.perf_counter() - started)
+    say("orders of the residual of the truncated expansion")
+    orders = residual_orders(full, emitted, side_of(branch) * 1e-3 * max(abs(full.threshold), 0.5 * scale_of(full)))
+    return Validation(problem=result.problem, checks=tuple(checks), validity=tuple(validity), orders=orders, seconds=time.perf_counter() - started)
 
 
 def check(name: str, source: str, derived: complex, measured: complex, error: float) -> Check:

@@ -16,7 +16,7 @@ from scipy.io import netcdf_file
 
 from numerics.coefficients import evaluate
 from numerics.ellipse import ellipse_of
-from numerics.motion import Scene, fast_phase, motion_of, shapes_of
+from numerics.motion import Scene, Shapes, fast_phase, motion_of, shapes_of
 from numerics.precision import EvaluationError
 
 FORMATS = ("npz", "nc")
@@ -135,13 +135,7 @@ def simulate(emitted: str | Path | Mapping[str, Any], scene: Scene, sampling: Sa
         **(ellipse_variables(amplitude) if shapes.vector and threshold.frequency else {}),
         **({"frame": Variable(axes=("frame_vector", "component"), values=shapes.frame)} if shapes.vector else {}),
     }
-    for name, values in fields.items():
-        values = values if shapes.spatial else values[:, 0]
-        axes = ("time", *(("place",) if shapes.spatial else ()), *(("component",) if any(one == name and kind for one, kind in shapes.unknowns) else ()))
-        title = f"field_{re.sub(r'[^0-9A-Za-z_]', '_', name)}"
-        while title in variables:
-            title += "_"
-        variables[title] = Variable(axes=axes, values=values)
+    variables.update(field_variables(shapes, fields))
     attributes = {
         "problem": result.problem, "kind": threshold.kind, "multiplicity": threshold.multiplicity, "threshold": threshold.control, "mu": scene.mu,
         "control": float(threshold.control) + scene.mu, "frequency": threshold.frequency or "0", "order": sampling.order,
@@ -150,6 +144,19 @@ def simulate(emitted: str | Path | Mapping[str, Any], scene: Scene, sampling: Sa
         "phase_error": 4e-15 * (1 + scene.until * abs(complex(result["mu*A"].value) * scene.mu)),  # of the slow phases at the end, in radians
     }
     return Dataset(variables=variables, attributes=attributes)
+
+
+def field_variables(shapes: Shapes, fields: Mapping[str, NDArray[np.float64]]) -> dict[str, Variable]:
+    """Return fields against time and place under the names that they have in a file."""
+    variables: dict[str, Variable] = {}
+    for name, values in fields.items():
+        values = values if shapes.spatial else values[:, 0]
+        axes = ("time", *(("place",) if shapes.spatial else ()), *(("component",) if any(one == name and kind for one, kind in shapes.unknowns) else ()))
+        title = f"field_{re.sub(r'[^0-9A-Za-z_]', '_', name)}"
+        while title in variables:
+            title += "_"
+        variables[title] = Variable(axes=axes, values=values)
+    return variables
 
 
 def ellipse_variables(amplitude: NDArray[np.complex128]) -> dict[str, Variable]:
