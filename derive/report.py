@@ -169,7 +169,8 @@ def gather(derivation: Derivation, settings: Settings, stages: Stages) -> Findin
     comparison = stages.attempt("comparison", lambda: compared(derivation, best, reference) if reference else None)
     states = stages.attempt("states", lambda: derive_states(derivation))
     numbers = stages.attempt("numbers of the states", lambda: evaluate_states(emitted, states.emit(), "1", min(settings.digits, 12))) if states else None
-    drawings = drawings_of(derivation, emitted, stages)
+    points = None if settings.quick else stages.attempt("states of the full problem", lambda: full_points_of(derivation, emitted, best))
+    drawings = drawings_of(derivation, emitted, points, stages)
     animation = diagram = validation = None
     measurements: list[Any] = []
     if settings.quick:
@@ -178,7 +179,7 @@ def gather(derivation: Derivation, settings: Settings, stages: Stages) -> Findin
         animation = stages.attempt("animation", lambda: animation_of(emitted))
         measured = stages.attempt("speed", lambda: speed_of(derivation.problem.name, emitted))
         measurements, diagram = measured or ([], "")
-        validation = stages.attempt("validation", lambda: validation_of(derivation, best))
+        validation = stages.attempt("validation", lambda: validation_of(derivation, emitted, best))
     return Findings(
         derivation=derivation, emitted=emitted, tex=document(derivation), digits=settings.digits, results=results, agreement={route: agreeing_digits(best, result) for route, result in results.items()},
         comparison=comparison, states=states, numbers=numbers, drawings=drawings, animation=animation or {}, measurements=measurements, diagram=diagram or "", validation=validation,
@@ -191,7 +192,16 @@ def by_route(emitted: str, digits: int, route: str) -> Result:
     return evaluate(emitted, digits=digits, certify=True) if route == "certified" else evaluate(emitted, digits=digits, route=route)
 
 
-def drawings_of(derivation: Derivation, emitted: str, stages: Stages) -> dict[str, str]:
+def full_points_of(derivation: Derivation, emitted: str, result: Result) -> Mapping[str, Any]:
+    """Return a few states of the full nonlinear problem for the bifurcation diagram."""
+    from derive.residual import emit_residual
+    from numerics.figures import case_of
+    from numerics.full import measured_points
+
+    return measured_points(emit_residual(derivation.problem), result, 2 * case_of(emitted).mu)
+
+
+def drawings_of(derivation: Derivation, emitted: str, points: Mapping[str, Any] | None, stages: Stages) -> dict[str, str]:
     """Return the figures that apply, as SVG."""
     def spectra() -> Any:
         from derive.spectrum import spectrum_curves
@@ -203,7 +213,7 @@ def drawings_of(derivation: Derivation, emitted: str, stages: Stages) -> dict[st
     def drawn(name: str) -> str:
         from numerics.figures import case_of, draw, saved
 
-        return saved(draw(case_of(emitted), name, found), "svg").decode("utf-8")
+        return saved(draw(case_of(emitted), name, found, points), "svg").decode("utf-8")
 
     found = stages.attempt("spectrum", spectra) if "growth" in DRAWINGS else None
     drawings = {name: stages.attempt(f"figure {name}", lambda name=name: drawn(name)) for name in DRAWINGS}  # type: ignore[misc]
@@ -230,12 +240,12 @@ def speed_of(name: str, emitted: str) -> tuple[list[Any], str]:
     return measurements, bench.diagram(name, measurements, "svg").decode("utf-8")
 
 
-def validation_of(derivation: Derivation, result: Result) -> Any:
+def validation_of(derivation: Derivation, emitted: str, result: Result) -> Any:
     """Return the measurement of threshold and coefficients on the full problem."""
     from derive.residual import emit_residual
     from numerics.full_validate import validate
 
-    return validate(emit_residual(derivation.problem), result)
+    return validate(emit_residual(derivation.problem), emitted, result)
 
 
 def summary_of(findings: Findings) -> str:

@@ -756,8 +756,8 @@ FIGURES: Mapping[str, Callable[[Case], Figure]] = {
 NAMES = ("growth", *FIGURES, "animation")
 
 
-def draw(case: Case, name: str, spectra: Spectra | None = None) -> Figure:
-    """Return one figure by name.
+def draw(case: Case, name: str, spectra: Spectra | None = None, measured: Mapping[str, tuple[ArrayLike, ArrayLike]] | None = None) -> Figure:
+    """Return one figure by name; `spectra` for the growth rates, `measured` points of the full problem for the bifurcation diagram.
 
     Raises
     ------
@@ -771,6 +771,8 @@ def draw(case: Case, name: str, spectra: Spectra | None = None) -> Figure:
             return growth_figure(case, spectra)
         if name != "mode" and name in FIGURES and not case.planar.real:
             raise EvaluationError("figures: found a vanishing nonlinear coefficient; the next order decides what there is to draw")
+        if name == "bifurcation":
+            return bifurcation_figure(case, measured)
         return FIGURES[name](case)
 
 
