@@ -99,7 +99,7 @@ def test_the_folder_keeps_what_it_should(reports, name):
 @pytest.fixture
 def no_figures(monkeypatch):
     """Draw nothing."""
-    monkeypatch.setattr("derive.report.drawings_of", lambda derivation, emitted, stages: {})
+    monkeypatch.setattr("derive.report.drawings_of", lambda derivation, emitted, points, stages: {})
 
 
 def test_without_latex_one_line_says_so(tmp_path, monkeypatch, no_figures):
