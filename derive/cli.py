@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from threadpoolctl import threadpool_limits
 
 from derive.derivation import Derivation, derive_amplitude_equation
 from derive.files import write_text
@@ -37,7 +38,8 @@ class Command(click.Group):
         if sys.stdout is None:  # Python's way to say that it was closed
             fail("found standard output closed; expected a file, a pipe or a terminal to print to")
         try:
-            status = super().main(*arguments, **options)
+            with threadpool_limits(limits=1):  # small matrices: threads of BLAS only cost, and other processes want the cores
+                status = super().main(*arguments, **options)
             sys.stdout.flush()
             sys.exit(status if isinstance(status, int) else 0)
         except MISTAKES as mistake:
