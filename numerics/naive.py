@@ -315,6 +315,8 @@ def evaluate_naively(text: str, kind: type[Naive], digits: int) -> tuple[Any, An
     context = mpmath.MPContext()  # type: ignore[attr-defined]
     context.dps = digits
     hopf = module.KIND == "hopf"
+    if not module.SPATIAL:
+        raise EvaluationError("found no space: without it every route is linear algebra, and there is no naive one")
     probe = Naive(context=context, ends=(0, 1), control=0, frequency=0, values={})
     ends = tuple(context.mpf(end) for end in module.interval(probe))
     values = {name: context.mpf(value) for name, value in module.parameters(probe).items()}

@@ -12,6 +12,7 @@ from derive.cli import main
 from numerics import bench
 from numerics.bench import Measurement, Route, compared, diagram, measure, of_result, table
 from numerics.naive import Nested, Sums, evaluate_naively
+from numerics.precision import EvaluationError
 
 
 @pytest.mark.slow
@@ -100,3 +101,8 @@ def test_table_and_diagram_hold_every_route():
     assert isinstance(made, Measurement) and made.failures == () and made.warm > 0
     assert "closed" in table([made], {"van_der_pol": False})
     assert diagram("van_der_pol", [made], "svg").startswith(b"<?xml") and diagram("van_der_pol", [made], "png").startswith(b"\x89PNG")
+
+
+def test_without_space_there_is_no_naive_route():
+    with pytest.raises(EvaluationError, match="found no space"):
+        evaluate_naively(derivation_of("van_der_pol").emit(), Sums, 15)
