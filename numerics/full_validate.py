@@ -66,7 +66,7 @@ class Validity:
     @property
     def agrees(self) -> bool:
         """Tell whether the errors vanish with the order they should have."""
-        return self.order_peak > 0.4 and (self.order_frequency is None or self.order_frequency > 1.4)
+        return self.order_peak > LEAST_ORDERS[0] and (self.order_frequency is None or self.order_frequency > LEAST_ORDERS[1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,6 +105,10 @@ class Validation:
             limits = ", ".join(f"{100 * share:g} %: mu = {'beyond ' if mu is None else ''}{'what was followed' if mu is None else f'{mu:.4g}'}" for share, mu in state.within)
             lines.append(f"  {state.state:12} {orders}; peak within {limits}{'' if state.agrees else '  DISAGREES'}")
         return "\n".join([*lines, *(one.line() for one in self.orders)])
+
+
+LEAST_ORDERS = (0.4, 1.4)
+"""Observed orders in mu, of the relative peak and of the frequency, at or above which the error vanishes as it should."""
 
 
 def written(order: float) -> str | None:
@@ -310,13 +314,13 @@ def validity_of(branch: Branch) -> Validity:
     full = branch.full
     scale = max(abs(full.threshold), 0.5 * scale_of(full))
     sign = side_of(branch)
-    errors = []
-    for share in (1e-3, 2e-3):
-        solution, _ = branch.refined(branch.start(sign * share * scale), 1e-9)
-        errors.append(errors_at(branch, solution))
-    orders = [log(errors[1][k] / errors[0][k]) / log(2) if errors[0][k] > 1e-9 else np.inf for k in (0, 1)]
-    if not full.hopf:
-        orders[1] = 0.0
+    for near in (1e-3, 1e-4, 1e-5):  # nearer where terms of two orders cancel
+        errors = [errors_at(branch, branch.refined(branch.start(sign * share * scale), 1e-9)[0]) for share in (near, 2 * near)]
+        orders = [log(errors[1][k] / errors[0][k]) / log(2) if errors[0][k] > 1e-9 else np.inf for k in (0, 1)]
+        if not full.hopf:
+            orders[1] = 0.0
+        if orders[0] > LEAST_ORDERS[0] and (not full.hopf or orders[1] > LEAST_ORDERS[1]):
+            break
     within: dict[float, float | None] = dict.fromkeys(SHARES)
     previous: tuple[float, float] | None = None
     start = branch.start(sign * 2e-3 * scale)
