@@ -175,23 +175,21 @@ def measured_gamma(full: Full) -> tuple[complex, float]:
     branch = Branch(full, full.states[0])
     width = 0.02 * max(abs(full.threshold), 1e-3 * scale_of(full))
     best: tuple[complex, float] | None = None
-    previous: complex | None = None
-    for _ in range(5):  # a width within which the eigenvalue is smooth: two that agree
-        coarse, fine = (slope_of(branch, width, nodes) for nodes in (28, 34))
-        if previous is not None:
-            error = max(abs(fine - coarse), abs(fine - previous))
-            if best is not None and error > 0.1 * best[1]:
-                return min(best, (fine, error), key=lambda one: one[1])
-            best = (fine, error)
-            if error < 1e-11 * abs(fine):
-                break
-        previous, width = fine, width / 4
+    for _ in range(5):  # narrower until the eigenvalue is smooth in it: two resolutions and two degrees agree
+        (coarse, _), (fine, lower) = (slopes_of(branch, width, nodes) for nodes in (28, 34))
+        error = max(abs(fine - coarse), abs(fine - lower))
+        if best is not None and error > 0.1 * best[1]:
+            return min(best, (fine, error), key=lambda one: one[1])
+        best = (fine, error)
+        if error < 1e-9 * abs(fine):
+            break
+        width /= 4
     assert best is not None
     return best
 
 
-def slope_of(branch: Branch, width: float, nodes: int) -> complex:
-    """Return d lambda / d control at the threshold, from a polynomial through the critical eigenvalue at controls within a width."""
+def slopes_of(branch: Branch, width: float, nodes: int) -> tuple[complex, complex]:
+    """Return d lambda / d control at the threshold, from polynomials of two degrees through the critical eigenvalue at controls within a width."""
     full = branch.full
     grid = branch.grid(nodes, 0)
     controls = full.threshold + width * np.cos(np.pi * (np.arange(POINTS) + 0.5) / POINTS)
@@ -199,8 +197,11 @@ def slope_of(branch: Branch, width: float, nodes: int) -> complex:
     for control in controls:
         found = [one.value for one in exponents_of(branch, grid, np.zeros(grid.size), float(control), 0.0)]
         values.append(min(found, key=lambda value: abs(value - 1j * full.frequency)))
-    slopes = [Polynomial.fit((controls - full.threshold) / width, part, POINTS - 1).deriv()(0) for part in (np.real(values), np.imag(values))]
-    return complex(*slopes) / width
+
+    def slope(degree: int) -> complex:
+        return complex(*(Polynomial.fit((controls - full.threshold) / width, part, degree).deriv()(0) for part in (np.real(values), np.imag(values)))) / width
+
+    return slope(POINTS - 1), slope(POINTS - 3)
 
 
 def scale_of(full: Full) -> float:
