@@ -588,7 +588,8 @@ def classify(spectrum: Spectrum, threshold: float, rate: float, formulation: For
     scale = max(rate, abs(values[0][0]))
     tolerance = AXIS * scale
     critical = [(value, weight) for value, weight in values if abs(value.real) <= tolerance]
-    rest = tuple(value for value, weight in values if abs(value.real) > tolerance)[:4]
+    stable = [value for value, _ in values if abs(value.real) > tolerance]
+    rest = tuple(dict.fromkeys([*stable[:4], *sorted(stable, key=abs)[:4]]))
     listing = ", ".join(shown(value, tolerance) for value, _ in critical)
     where = f"at {name} = {threshold:.10g}"
     rotating = formulation.frame is not None

@@ -186,7 +186,7 @@ class Discretisation:
             which = self.rows.CONSTANT[site]
             if not which:
                 continue
-            _, _, slopes = self.rows.evaluate(site, self.points(site), 0.0, np.zeros((len(self.x[site]), len(self.rows.jets), 1)))
+            _, _, slopes = self.rows.evaluate(site, self.points(site), self.rows.LOWEST, np.zeros((len(self.x[site]), len(self.rows.jets), 1)))
             for r in which:
                 block = np.zeros((len(self.x[site]), total))
                 for j, (k, ds, _) in enumerate(self.rows.jets):

@@ -216,6 +216,10 @@ def test_a_damped_mode_is_not_nearly_critical_because_it_turns_fast():
                    space=s, interval=(0, pi), boundary={0: (u, u.diff(s, 2)), pi: (u, u.diff(s, 2))})
     result = evaluate(fast, digits=15)
     assert Decimal(result.threshold.control) == 1 and not result.warnings
+    # clamped and pinned on a foundation: the rightmost four of those that decay at the rate 1 are what rounding makes them, here the fastest
+    clamped = emitted(u.diff(t, 2) + 2 * u.diff(t) + u.diff(s, 4) + c * u.diff(s, 2) + 10 * u + u**3, {u: 0}, (0, 60), (u, Rational(1, 2)),
+                      space=s, interval=(0, 1), boundary={0: (u, u.diff(s)), 1: (u, u.diff(s, 2))})
+    assert not evaluate(clamped, digits=15).warnings
 
 
 # Stiff layers and rapid oscillation
