@@ -83,6 +83,9 @@ def equations_of(formulation: Formulation) -> tuple[Equation, ...]:
                 "m": sum(((e1[k] - I * e2[k]) * rows[k].expression for k in range(3)), Integer(0)),
                 "n": sum((normal[k] * rows[k].expression for k in range(3)), Integer(0)),
             }
+            symbols = [symbol for symbol in shared["jets"] if any(symbol in one.free_symbols for one in mixed.values())]
+            if all(one.is_polynomial(*symbols) for one in mixed.values()):  # multiplied out once, what rotations forbid cancels
+                mixed = {component: expand(one) for component, one in mixed.items()}
             result.append(Equation(label=label, place=place, side=side, components=mixed, **shared))
         else:
             result += [Equation(label=row.label, place=place, side=side, components={"": row.expression}, **shared) for row in rows]
