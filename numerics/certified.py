@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 MOST_PANELS = 96
 GUARD = 64
+DEAR = 1000
+"""beyond so many digits the cancellation is measured at 30 digits first"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,8 +83,23 @@ def evaluate_certified(module: Module, digits: int, route: str, count: bool) -> 
     """
     if route == "quadrature":
         raise EvaluationError("--certify: found the route quadrature, which has no proof of its error; expected auto, closed or chebyshev (power series with bounded remainders)")
-    plan = Plan(route="series" if module.SPATIAL and route == "chebyshev" else "closed")
-    bits = bits_of(digits) + GUARD
+    start = Start(plan=Plan(route="series" if module.SPATIAL and route == "chebyshev" else "closed"), guard=GUARD)
+    if digits > DEAR:
+        _, start = searched(module, 30, route, start, count=False)
+    return searched(module, digits, route, start, count)[0]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Start:
+    """Where the search for a precision begins: the plan, and the bits beyond those of the digits, which cancellation takes."""
+
+    plan: Plan
+    guard: int
+
+
+def searched(module: Module, digits: int, route: str, start: Start, count: bool) -> tuple[Result, Start]:
+    """Return the result at the first precision whose enclosures are narrow enough, with the plan and the guard that it needed."""
+    plan, bits = start.plan, bits_of(digits) + start.guard
     seconds = [0.0, 0.0]
     reason, failures = "", 0
     for _ in range(40):
@@ -107,8 +124,8 @@ def evaluate_certified(module: Module, digits: int, route: str, count: bool) -> 
                 plan, missing = Plan(route="series"), -8  # exponents that are exactly equal, say: series have no trouble with them
                 bits = bits_of(digits) + GUARD
         else:
-            if missing <= 0:
-                return answer  # type: ignore[return-value]
+            if answer is not None:
+                return answer, Start(plan=plan, guard=bits - bits_of(digits))
             reason = f"the enclosures are {missing} bits too wide"
         bits += missing + 8
         if bits > 8 * (bits_of(digits) + 128):
@@ -222,11 +239,13 @@ def written_result(module: Module, plan: Plan, digits: int, root: ProvedRoot, en
     if not enclosed.quadratic_zero:
         listed = [entry for entry in listed if entry[1] != "A**3"] + [module.QUADRATIC]
         listed.sort(key=lambda entry: (entry[1].startswith("epsilon"), entry[1] == "mu*A"))
-    pairs = [(name, monomial, enclosed.values[identifier]) for name, monomial, identifier in listed] + weak_terms(module, enclosed)
+    weak, left_out = weak_terms(module, enclosed)
+    pairs = [(name, monomial, enclosed.values[identifier]) for name, monomial, identifier in listed] + weak
     reference = max((upper(value) for _, _, value in pairs), default=arb(1)).max(arb(1))
+    floor = arb(10) ** -(digits + 3) * reference
+    missing = max([missing, *(bits_above(upper(value), floor) for value in left_out)])
     for name, monomial, value in pairs:
         value = value if hopf or monomial.startswith("epsilon*dot") else acb(value.real)
-        floor = arb(10) ** -(digits + 3) * reference
         if value.contains(0):
             if value.is_zero() and monomial.startswith("epsilon"):
                 continue
@@ -250,24 +269,22 @@ def written_result(module: Module, plan: Plan, digits: int, root: ProvedRoot, en
     ), 0
 
 
-def weak_terms(module: Module, enclosed: Enclosed) -> list[tuple[str, str, acb]]:
-    """Return the weak effects on a vector amplitude in the directions e1, e2 across the axis."""
+def weak_terms(module: Module, enclosed: Enclosed) -> tuple[list[tuple[str, str, acb]], list[acb]]:
+    """Return the weak effects on a vector amplitude in the directions e1, e2 across the axis, and what is left out as zero: it has to be small."""
     if not module.WEAK:
-        return []
+        return [], []
     table = {(r, c): enclosed.values[name] for name, r, c in module.WEAK}
     a, b, c, d = (table.get(key, acb(0)) for key in ((0, 0), (0, 1), (1, 0), (1, 1)))
     i = acb(0, 1)
     # A_1 = (A_+ + A_-)/2, A_2 = (A_+ - A_-)/(2i)
     entries = {"11": (a + b + c + d) / 2, "12": i * (a + c - b - d) / 2, "21": (a - c + b - d) / (2 * i), "22": (a - c - b + d) / 2}
-    if entries["12"].contains(0) and entries["21"].contains(0) and (entries["11"] - entries["22"]).contains(0):
+    unequal = [entries["12"], entries["21"], entries["11"] - entries["22"]]
+    if all(value.contains(0) for value in unequal):
         text = "epsilon*A"
-        return [(module.WEAK_NAMES.get(text, text), text, entries["11"])]
-    result = []
-    for key, value in entries.items():
-        text = f"epsilon*dot(A,e{key[1]})*e{key[0]}"
-        if not value.contains(0):
-            result.append((module.WEAK_NAMES.get(text, text), text, value))
-    return result
+        return [(module.WEAK_NAMES.get(text, text), text, entries["11"])], unequal
+    texts = {key: f"epsilon*dot(A,e{key[1]})*e{key[0]}" for key in entries}
+    result = [(module.WEAK_NAMES.get(texts[key], texts[key]), texts[key], value) for key, value in entries.items() if not value.contains(0)]
+    return result, [value for value in entries.values() if value.contains(0)]
 
 
 def lacking(value: acb, digits: int, floor: arb) -> int:

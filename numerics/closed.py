@@ -176,6 +176,7 @@ class Closed(Algebra):
         self.basis: list[acb] = []
         self.exponents: dict[int, acb] = {0: acb(0)}
         self.exponentials: dict[tuple[int, bool], acb] = {}
+        self.moments: dict[int, acb] = {}
         self.s = ExponentialSum(self, {0: [self.left_end, acb(1)]})
         self.flows: dict[int, tuple[Operator, list[list[ExponentialSum]], list[tuple[acb, int, int]]]] = {}
 
@@ -250,7 +251,16 @@ class Closed(Algebra):
     def integral(self, value: Any) -> acb:
         """Return the integral over the interval."""
         self.counts["integrals"] = self.counts.get("integrals", 0) + 1
-        return self.function(value).primitive().at(self.length)
+        total = acb(0)
+        for key, a in self.function(value).terms.items():
+            total += a[0] * self.moment(key) if len(a) == 1 else ExponentialSum(self, {key: a}).primitive().at(self.length)
+        return total
+
+    def moment(self, key: int) -> acb:
+        """Return the integral of an exponential over the interval."""
+        if key not in self.moments:
+            self.moments[key] = (self.exponential(key, self.length) - 1) / self.exponent(key) if key else self.length
+        return self.moments[key]
 
     def integral_from_left(self, value: Any) -> ExponentialSum:
         """Return the integral from the left end to s."""

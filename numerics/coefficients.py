@@ -10,8 +10,9 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import lru_cache
 from pathlib import Path
-from types import MappingProxyType
+from types import CodeType, MappingProxyType
 from typing import Any
 
 from flint import acb, arb
@@ -121,6 +122,12 @@ class Result:
         return rf"$$\begin{{aligned}} {rows} \end{{aligned}}$$"
 
 
+@lru_cache(maxsize=8)
+def compiled(text: str) -> CodeType:
+    """Return the code of an emitted module; the last few are kept, as compiling takes a good part of 50 digits."""
+    return compile(text, "<emitted>", "exec")
+
+
 class Module:
     """An emitted module: its names, found by attribute."""
 
@@ -137,7 +144,7 @@ class Module:
             text = path.read_text(encoding="utf-8")
         if 'Emitted by `fredholm derive`' not in text.split("\n", 1)[0]:
             raise EvaluationError("found a text that `fredholm derive` did not emit; expected an emitted module")
-        exec(compile(text, "<emitted>", "exec"), self.names)  # noqa: S102  (the emitted module is our own text)
+        exec(compiled(text), self.names)  # noqa: S102  (the emitted module is our own text)
 
     def __getattr__(self, name: str) -> Any:
         return self.names[name]
