@@ -14,8 +14,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 
-from sympy import Expr, I, Integer, Symbol, expand
+from sympy import Expr, I, Integer, Symbol
 
+from derive.expand import expand
 from derive.expansion import Expansion
 from derive.functions import Functions, conjugated
 from derive.onset import Onset, holds_mode

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from math import factorial
 from typing import Any
 
-from sympy import Add, Expr, I, Integer, Mul, Rational, Symbol, expand, nan, oo, zoo
+from sympy import Add, Expr, I, Integer, Mul, Rational, Symbol, nan, oo, zoo
 
+from derive.expand import expand
 from derive.problem import Formulation, Jet, ProblemError, RawRow, base_jets
 
 ORDER = 3

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from sympy import Add, Expr, I, Integer, Mul, Symbol, expand
+from sympy import Add, Expr, I, Integer, Mul, Symbol
+
+from derive.expand import expand
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

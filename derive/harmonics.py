@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from itertools import product
 
-from sympy import Expr, I, Integer, expand
+from sympy import Expr, I, Integer
 
 from derive.amplitude import Reduction
+from derive.expand import expand
 from derive.expansion import Expansion
 from derive.operator import OMEGA
 from derive.two_times import Equation, Factor

@@ -12,11 +12,12 @@ from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from sympy import Add, Derivative, Expr, I, Integer, Symbol, expand, fraction, lcm, together
+from sympy import Add, Derivative, Expr, I, Integer, Symbol, fraction, lcm, together
 from sympy import latex as sympy_latex
 from sympy.core.function import AppliedUndef
 
 from derive.amplitude import Coefficient
+from derive.expand import expand
 from derive.harmonics import Harmonics, Monomial
 from derive.notation import Notation, added, half, joined, monomial_text, plain, primes
 from derive.operator import FirstOrderOperator

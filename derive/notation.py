@@ -10,9 +10,10 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from sympy import Add, Expr, I, Integer, Symbol, expand
+from sympy import Add, Expr, I, Integer, Symbol
 from sympy import latex as sympy_latex
 
+from derive.expand import expand
 from derive.operator import LAMBDA, OMEGA
 from derive.problem import ProblemError
 from derive.two_times import Factor, Term

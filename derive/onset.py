@@ -16,9 +16,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sympy import Expr, Function, I, Integer, Matrix, Poly, Rational, Symbol, expand, fraction, lambdify, lcm, together
+from sympy import Expr, Function, I, Integer, Matrix, Rational, Symbol, fraction, lambdify, lcm, together
 from threadpoolctl import threadpool_limits
 
+from derive.expand import coefficients_in, expand
 from derive.expansion import Expansion
 from derive.operator import LAMBDA, FirstOrderOperator
 from derive.ordinary import AlgebraicOperator
@@ -29,6 +30,8 @@ NODES = (28, 44, 72, 120, 200)
 PANEL_NODES = (8, 12, 16)
 MOST_PANELS = 64
 RESOLVED = 1e-8
+BETWEEN = 32
+"""places between the nodes, for each node, where a polynomial is compared with its function"""
 GROWTH = 8.0
 AXIS = 1e-6
 SHIFT = 0.6180339887498949
@@ -162,11 +165,18 @@ class Pencil:
         return tuple(done)
 
     def tail(self, control: float, left: float, right: float, nodes: int) -> float:
-        """Return the last Chebyshev coefficients of the entries on a panel, relative to their largest values."""
+        """Return what the entries on a panel leave of their Chebyshev polynomials, in the last coefficients and between the nodes, relative to their largest values."""
         points, _ = integration(nodes)
-        transform = np.polynomial.chebyshev.chebvander(points, nodes - 1)[:, -3:].T * (2.0 / nodes)
-        values = [entry for row in self.table(left + (right - left) * (points + 1) / 2, control) for line in row for entry in line]
-        return max((float(np.abs(transform @ entry).max() / np.abs(entry).max()) for entry in values if np.any(entry)), default=0.0)
+        between = np.linspace(-1.0, 1.0, BETWEEN * nodes)
+        transform = np.polynomial.chebyshev.chebvander(points, nodes - 1).T * (2.0 / nodes)
+        transform[0] /= 2
+        every = self.table(left + (right - left) * (np.concatenate([points, between]) + 1) / 2, control)
+        varying = np.array([entry for row in every for line in row for entry in line if np.any(entry != entry[0])]).reshape(-1, len(points) + len(between)).T
+        if not varying.size:
+            return 0.0
+        coefficients = transform @ varying[:nodes]
+        apart = np.polynomial.chebyshev.chebvander(between, nodes - 1) @ coefficients - varying[nodes:]
+        return float((np.abs(np.concatenate([coefficients[-3:], apart])).max(axis=0) / np.abs(varying).max(axis=0)).max())
 
     def matrices(self, control: float, mesh: Mesh | None) -> list[NDArray[Any]]:
         """Return the matrices K_0, K_1, ... of the discretised problem sum_k lambda^k K_k v = 0; `mesh` is None without space.
@@ -286,8 +296,8 @@ def finite_eigenvalues(operator: AlgebraicOperator, formulation: Formulation) ->
     determinant = expand(Matrix(entries).det(method="berkowitz")) if entries else Integer(1)
     if LAMBDA not in determinant.free_symbols:
         return 0
-    coefficients = Poly(fraction(together(determinant))[0], LAMBDA).all_coeffs()
-    return next((len(coefficients) - 1 - k for k, coefficient in enumerate(coefficients) if not formulation.probe.is_zero(coefficient)), 0)
+    coefficients = coefficients_in(fraction(together(determinant))[0], LAMBDA)
+    return max((k for k, coefficient in enumerate(coefficients) if not formulation.probe.is_zero(coefficient)), default=0)
 
 
 def compiled(arguments: tuple[Symbol, Symbol], expressions: list[Any]) -> Callable[..., Sequence[Any]]:
@@ -324,7 +334,7 @@ def in_lambda(expression: Expr) -> list[Expr]:
     """Return the coefficients of lambda^0, lambda^1, ..."""
     if LAMBDA not in expression.free_symbols:
         return [expression]
-    return [coefficient.as_expr() for coefficient in reversed(Poly(expression, LAMBDA).all_coeffs())]
+    return coefficients_in(expression, LAMBDA)
 
 
 _TABLES: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}

@@ -11,8 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from sympy import Add, Expr, Integer, Matrix, Mul, Symbol, cancel, expand, fraction, together
+from sympy import Add, Expr, Integer, Matrix, Mul, Symbol, fraction, together
 
+from derive.expand import cancel, expand
 from derive.expansion import Expansion, TaylorRow
 from derive.problem import DerivationError, Formulation, Jet, ProblemError
 

@@ -29,7 +29,6 @@ from sympy import (
     MatrixBase,
     Rational,
     Symbol,
-    expand,
     nan,
     oo,
     preorder_traversal,
@@ -39,6 +38,7 @@ from sympy import (
 )
 from sympy.core.function import AppliedUndef
 
+from derive.expand import expand
 from derive.zero import Probe
 
 epsilon = Dummy("epsilon", real=True)

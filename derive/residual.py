@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from sympy import Expr, I, Integer, Symbol, cse, expand, numbered_symbols
+from sympy import Expr, I, Integer, Symbol, cse, numbered_symbols
 from sympy.printing.numpy import SciPyPrinter
 
+from derive.expand import expand
 from derive.problem import DerivationError, Formulation, Jet, Problem, RawRow
 
 

@@ -15,8 +15,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import comb
 
-from sympy import Expr, I, Integer, Matrix, Symbol, expand
+from sympy import Expr, I, Integer, Matrix, Symbol
 
+from derive.expand import expand
 from derive.expansion import Expansion, TaylorRow
 from derive.functions import Functions
 from derive.operator import OMEGA, FirstOrderOperator

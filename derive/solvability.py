@@ -13,9 +13,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from sympy import Expr, Integer, Symbol, expand
+from sympy import Expr, Integer, Symbol
 
 from derive.adjoint import Adjoint, adjoint_of
+from derive.expand import expand
 from derive.functions import Functions
 from derive.operator import Elimination, FirstOrderOperator
 from derive.ordinary import AlgebraicOperator

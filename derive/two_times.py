@@ -15,8 +15,9 @@ from itertools import product
 from math import comb, factorial
 from typing import Any
 
-from sympy import Expr, I, Integer, Rational, Symbol, expand
+from sympy import Expr, I, Integer, Rational, Symbol
 
+from derive.expand import expand
 from derive.problem import Formulation, Jet, RawRow, base_jets
 
 

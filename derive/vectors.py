@@ -14,8 +14,10 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
 
-from sympy import QQ_I, Expr, I, Integer, Matrix, Rational, expand
+from sympy import QQ_I, Expr, I, Integer, Matrix, Rational
 from sympy.polys.matrices import DomainMatrix
+
+from derive.expand import expand
 
 COMPONENTS = ("p", "m", "n")
 Product = tuple[tuple[int, str], ...]

@@ -1,7 +1,8 @@
 """Is an exact expression identically zero?
 
 Rational arithmetic on the expression settles most cases. The others (exp, sin, roots, ...) are evaluated at random points
-with 40 digits: an analytic expression that vanishes at three random points of its domain vanishes.
+with 40 digits: an analytic expression that vanishes at three random points of its domain vanishes. A sum vanishes there if nothing
+is left of its largest term: exp(-10^6) is small, not zero.
 """
 
 from __future__ import annotations
@@ -11,10 +12,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import product
 
-from sympy import Expr, I, Rational, Symbol, expand, nan, oo, zoo
+from sympy import Add, Expr, I, Integer, Mul, Pow, Rational, Symbol, exp, nan, oo, zoo
 from sympy.core.evalf import PrecisionExhausted
 
+from derive.expand import expand
+
 DIGITS = 40
+TINY = 1e-100
 POINTS = 3
 SAMPLES = 9
 
@@ -46,17 +50,37 @@ class Probe:
             return True
         if expanded.is_number and expanded.is_Rational:
             return False
+        if isinstance(expanded, Mul):
+            return any([self.is_zero_factor(factor) for factor in expanded.args])
+        if isinstance(expanded, (Pow, exp)):
+            return self.is_zero_factor(expanded)
         found_finite = False
         for attempt in range(POINTS):
-            value = self.value(expanded, attempt)
+            value = self.number(expanded, attempt)
             if value is None:
                 continue
             found_finite = True
-            if abs(value) > 1e-100:
+            if abs(value) > TINY or value != 0 and abs(value) > TINY * self.largest_term(expanded, attempt):
                 return False
         if found_finite:
             self.held.update(symbol for symbol in expanded.free_symbols & set(self.fixed) if self.depends(expanded, symbol))
         return found_finite
+
+    def is_zero_factor(self, factor: Expr) -> bool:
+        """Tell whether a factor of a product vanishes."""
+        if isinstance(factor, exp) or isinstance(factor, Pow) and not factor.exp.is_positive:
+            return False
+        if isinstance(factor, Pow):
+            return self.is_zero_factor(factor.base)
+        if factor.is_Symbol and self.fixed.get(factor) == 0:
+            self.held.add(factor)
+            return True
+        return self.is_zero(factor)
+
+    def largest_term(self, total: Expr, attempt: int) -> Expr:
+        """Return the modulus of the largest term of a sum at a point, and at least 1 for what is no sum."""
+        sizes = (self.number(term, attempt) for term in Add.make_args(total))
+        return max((abs(size) for size in sizes if size is not None), default=Integer(1)) if isinstance(total, Add) else Integer(1)
 
     def depends(self, expression: Expr, symbol: Symbol) -> bool:
         """Tell whether an expression that vanishes no longer does at another value of a parameter."""
@@ -74,6 +98,7 @@ class Probe:
         return bool(self.cache[key])
 
     def _may_vanish(self, expression: Expr) -> bool:
+        expression = Mul(*(factor for factor in Mul.make_args(expression) if not isinstance(factor, exp)))  # these never do
         first = None
         for shares in product(range(SAMPLES), repeat=len(self.ranges)):
             point = dict(self.fixed)
@@ -85,12 +110,17 @@ class Probe:
             if not value.is_number or value == 0 or value.has(nan, zoo, oo):
                 return True
             first = first or value
-            if (complex(value) / complex(first)).real <= 1e-12:
+            if complex((value / first).evalf(15)).real <= 1e-12:
                 return True
         return False
 
     def value(self, expression: Expr, attempt: int) -> complex | None:
-        """Return the expression at the random point number `attempt`, or None where it has no finite value."""
+        """Return the expression at the random point number `attempt` as a double, or None where it has no finite value."""
+        number = self.number(expression, attempt)
+        return None if number is None else complex(number)
+
+    def number(self, expression: Expr, attempt: int) -> Expr | None:
+        """Return the expression at the random point number `attempt`, or None where it has no finite value; no number is too small."""
         chooser = random.Random(7919 * (attempt + 1))
         values: dict[Symbol, Expr] = {}
         for symbol in sorted(expression.free_symbols, key=lambda item: item.name):  # type: ignore[attr-defined]
@@ -108,8 +138,7 @@ class Probe:
             number = expression.evalf(DIGITS, subs=values, maxn=200)
             if not number.is_number:
                 number = expression.subs(values).evalf(DIGITS, maxn=200)
-            real, imaginary = number.as_real_imag()
-            result = complex(real, imaginary)
-        except (TypeError, ValueError, PrecisionExhausted, ZeroDivisionError):
+            size = abs(complex(number))
+        except (TypeError, ValueError, OverflowError, PrecisionExhausted, ZeroDivisionError):
             return None
-        return result if result == result and abs(result) < 1e200 else None
+        return number if size < 1e200 else None

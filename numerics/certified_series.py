@@ -201,8 +201,10 @@ class PowerSeries(Enclosing):
     def expanded(self, at: Callable[[Any], Any]) -> list[acb_poly]:
         """Return the series of an explicit function on every panel, with a bound on the tail."""
         pieces, coarse = [], []
+        middle = (upper(number(at(centre))) for centre in self.centres)
+        largest = max((size for size in middle if size.is_finite()), default=arb(0))
         for k in range(self.panels):
-            piece = self.expanded_on(at, k)
+            piece = self.expanded_on(at, k, largest)
             if piece is None:
                 coarse.append(k)
             else:
@@ -211,8 +213,8 @@ class PowerSeries(Enclosing):
             raise TooCoarse(coarse)
         return pieces
 
-    def expanded_on(self, at: Callable[[Any], Any], k: int) -> acb_poly | None:
-        """Return the series on one panel, or None where singularities are too near for the tail to be negligible."""
+    def expanded_on(self, at: Callable[[Any], Any], k: int, largest: arb) -> acb_poly | None:
+        """Return the series on one panel, or None where singularities are too near for the tail to be negligible, beside the `largest` value of all panels too."""
         centre, half = self.centres[k], self.halves[k]
         try:
             value = at(acb_series([centre, half], self.terms))
@@ -236,7 +238,7 @@ class PowerSeries(Enclosing):
             tail = candidate
             rho = rho * arb("1.5")
         coefficients = value.coeffs()
-        if tail is None or tail > size * arb(2) ** (24 - flint.ctx.prec) or not all(c.is_finite() for c in coefficients):
+        if tail is None or tail > size.max(largest) * arb(2) ** (24 - flint.ctx.prec) or not all(c.is_finite() for c in coefficients):
             return None
         return acb_poly(coefficients) + self.within(tail)
 

@@ -22,6 +22,7 @@ from numerics.certified_count import FirstInstability
 from numerics.closed import Closed
 from numerics.precision import EvaluationError, NotClosed, bits_of, working_precision
 from numerics.sampled import Chebyshev, Gauss, Sampled, Samples
+from numerics.scout import scouted
 from numerics.threshold import Build, Level, Root, newton
 
 ROUTES = ("auto", "closed", "chebyshev", "quadrature")
@@ -502,7 +503,8 @@ def cut(resolution: Resolution, unresolved: frozenset[int]) -> Resolution:
 def adapted(module: Module, route: str, onset: tuple[arb, arb | None], width: arb | None) -> tuple[Fraction, ...]:
     """Return the breaks that resolve every function of the problem to the digits of a double, where panels are cheap."""
     goal = 60
-    resolution = Resolution(nodes=nodes_for(goal), breaks=UNIFORM)
+    with working_precision(goal + GUARD):
+        resolution = Resolution(nodes=nodes_for(goal), breaks=scouted(module, acb(onset[0]), acb(onset[1] or 0), UNIFORM))
     while True:  # first the critical problem alone, without which Newton's method has nothing to start from
         level = level_of(module, route, goal, resolution, GUARD)
         with working_precision(level.bits):

@@ -14,7 +14,7 @@ from sympy import Rational, Symbol, exp, pi, symbols, tanh
 from derive import Problem, derive_amplitude_equation, field
 from derive.cli import main
 from derive.problem import DerivationError, ProblemError
-from numerics import EvaluationError, evaluate
+from numerics import EvaluationError, evaluate, evaluate_batch
 from tests.normal_form import Flow, normal_form
 
 s, t = symbols("s t", real=True)
@@ -256,6 +256,28 @@ def test_a_thin_layer_of_a_coefficient(steep):
     text = emitted(u.diff(t) - u.diff(s, 2) - c * u * tanh(steep * s) + u**3 * (1 + exp(-steep * s)), {u: 0}, (0, 30), (u, 1),
                    space=s, interval=(0, 1), boundary={0: (u,), 1: (u.diff(s),)})
     agree(evaluate(text, digits=8, route="chebyshev"), evaluate(text, digits=16, route="quadrature"), 8)
+
+
+@pytest.mark.parametrize("width", ["1/100", "1/1000", pytest.param("1/100000", marks=pytest.mark.slow)])
+def test_a_narrow_bump_of_a_coefficient_is_not_stepped_over(width):
+    # u_t = c (1 + e^{-((s - 1/3)/d)^2}) u + u_ss - u^3: c = pi^2 (1 - 2 sin(pi/3)^2 sqrt(pi) d) + O(d^2), and no node need lie within the bump
+    width = Rational(width)
+    text = on_interval(u.diff(t) - c * (1 + exp(-((s - Rational(1, 3)) / width) ** 2)) * u - u.diff(s, 2) + u**3, 1, (u,), (0, 30), Rational(1, 2))
+    result = evaluate(text, digits=12)
+    first = float(pi**2) * (1 - 1.5 * float(pi) ** 0.5 * float(width))
+    assert abs(float(result.threshold.control) - first) < 60 * float(width) ** 2
+    assert abs(complex(result["mu*A"].value) - float(pi**2) / first) < 60 * float(width) ** 2
+    if width == Rational(1, 100):
+        assert abs(float(evaluate_batch(text).control) - float(result.threshold.control)) < 1e-11
+    else:
+        with pytest.raises(EvaluationError, match="double precision does not resolve"):
+            evaluate_batch(text)
+
+
+@pytest.mark.slow
+def test_a_narrow_bump_is_certified():
+    text = on_interval(u.diff(t) - c * (1 + exp(-((s - Rational(1, 3)) * 100) ** 2)) * u - u.diff(s, 2) + u**3, 1, (u,), (0, 30), Rational(1, 2))
+    agree(evaluate(text, digits=12, certify=True, count=False), evaluate(text, digits=20), 12)
 
 
 @pytest.mark.slow
