@@ -3,11 +3,13 @@
 import random
 import shutil
 import subprocess
+from math import comb
 
 import pytest
 from conftest import PROBLEMS, derivation_of
-from sympy import I, Integer, Rational, Symbol, expand
+from sympy import I, Integer, Matrix, Rational, Symbol, exp, expand, eye, factorial, prod, simplify, sin, symbols
 
+from derive import Problem, derive_amplitude_equation, epsilon, field
 from derive.harmonics import Harmonics
 from derive.latex import Writer, document, latex
 from derive.notation import Notation
@@ -16,6 +18,8 @@ from derive.response import Orders, right_hand_sides
 from derive.restricted import conjugate, restricted_problem
 from derive.two_times import equations_of, stated_terms
 from derive.vectors import cross, dot, scalar_forms, vector, vector_forms
+
+s, t = symbols("s t", real=True)
 
 # The paper's eqs, eqs 1/2, eqs 1, eqs 3/2 with constraint and boundary conditions, everything on one side; n is the wall normal.
 PAPER = {
@@ -137,20 +141,57 @@ def test_every_forcing_that_is_written_is_the_one_that_is_integrated(name):
     assert compared
 
 
-@pytest.mark.parametrize("name", ["follower_force", "follower_force_planar", str(PROBLEMS / "pipe.py"), str(PROBLEMS / "varcoef.py"), str(PROBLEMS / "brus_pde.py")])
-def test_lagranges_identity_holds_for_random_fields(name):
-    """(L psi1)^* . psi2 - psi1^* . L^dagger psi2 = dJ/ds for polynomials psi with random complex coefficients."""
-    derivation = derivation_of(name)
-    formulation = derivation.problem.formulation
+def tapered():
+    """A cantilever with varying stiffness and a dashpot at its tip, loaded by a follower force: complex boundary rows, slopes of the stiffness in J."""
+    F, u = Symbol("F"), field("u", s, t)
+    stiffness = 1 + s / 3 + s**2
+    return derive_amplitude_equation(Problem(
+        name="tapered", space=s, interval=(0, 1), time=t, control=F, control_range=(0, 120), fields=(u,),
+        equations=(u.diff(t, 2) + u.diff(t) / 5 + (stiffness * u.diff(s, 2)).diff(s, 2) + F * u.diff(s, 2) * (1 + u.diff(s) ** 2),),
+        boundary={0: (u, u.diff(s)), 1: (u.diff(s, 2) + u.diff(s, t) / 7, u.diff(s, 3) - u.diff(t) / 9)}, base_state={u: 0}, normalisation=(u, 1)))
+
+
+def restricted_of(name):
+    """The derivation and its restricted problem, with numbers for its symbols."""
+    derivation = tapered() if name == "tapered" else derivation_of(name)
     problem = restricted_problem(derivation.expansion, 1 if derivation.reduction.vector else 0, derivation.reduction.mode.growth)
     chooser = random.Random(7)
-    s, size = formulation.space, len(problem.fields)
+    formulation = derivation.problem.formulation
     values = {symbol: Rational(chooser.randint(1, 9), 7) for symbol in (formulation.control, Symbol("omega", real=True), *formulation.parameters)}
+    return derivation, problem, values
 
-    def field():
+
+RESTRICTED = ["follower_force", "follower_force_planar", str(PROBLEMS / "pipe.py"), str(PROBLEMS / "varcoef.py"), str(PROBLEMS / "brus_pde.py"), "tapered"]
+
+
+@pytest.mark.parametrize("name", RESTRICTED)
+def test_adjoint_rows_make_the_boundary_form_vanish(name):
+    """J = 0 at each end for every psi1 that meets the direct rows and every psi2 that meets the adjoint rows, and the rows are as many as needed."""
+    derivation, problem, values = restricted_of(name)
+    for side, place in zip(("left", "right"), derivation.problem.formulation.interval, strict=True):
+        form = {key: value.subs(problem.space, place).subs(values) for key, value in problem.boundary_form().items()}
+        jets, duals = sorted({one for one, _ in form}), sorted({other for _, other in form})
+        direct = [[row.get(jet, Integer(0)).subs(values) for jet in jets] for row in getattr(problem, side)]
+        dual = [[row.get(jet, Integer(0)).subs(values) for jet in duals] for row, _ in problem.adjoint_rows(side, place)]
+        table = Matrix([[form.get((jet, other), Integer(0)) for other in duals] for jet in jets])
+        allowed, tested = Matrix(direct).nullspace() if direct else list(eye(len(jets)).T.columnspace()), Matrix(dual).nullspace() if dual else list(eye(len(duals)).columnspace())
+        assert all(simplify((one.H * table * other)[0]) == 0 for one in allowed for other in tested)
+        assert len(direct) + len(dual) == table.rank() == len(jets)
+
+
+@pytest.mark.parametrize("name", RESTRICTED)
+def test_lagranges_identity_holds_for_random_fields(name):
+    """(L psi1)^* . psi2 - psi1^* . L^dagger psi2 = dJ/ds for polynomials psi with random complex coefficients."""
+    derivation, problem, values = restricted_of(name)
+    formulation = derivation.problem.formulation
+    chooser = random.Random(7)
+    chooser = random.Random(7)
+    s, size = formulation.space, len(problem.fields)
+
+    def polynomial():
         return sum((Rational(chooser.randint(-5, 5)) + I * chooser.randint(-5, 5)) * s**k for k in range(5))
 
-    one, other = [field() for _ in range(size)], [field() for _ in range(size)]
+    one, other = [polynomial() for _ in range(size)], [polynomial() for _ in range(size)]
 
     def applied(operator, fields):
         return [sum((c.subs(values) * fields[j].diff(s, k) for j, entry in enumerate(line) for k, c in entry.items()), Integer(0)) for line in operator]
@@ -223,6 +264,30 @@ def test_symbols_can_be_set():
     assert r"{\mathcal{F}}_{c}" in text and r"\mathbf{B}" in text and r"\mathbf{e}_z" in text and r"\hat{\mathbf{n}}" not in text
     with pytest.raises(ProblemError, match="symbol: found 'nothing'"):
         Writer(derivation, {"nothing": "x"})
+
+
+def test_terms_of_every_order_are_those_of_a_series():
+    """x = sum e^k x_k, d_t = d_tau + e^2 d_T, c = c0 + e^2 chi, epsilon = e^2: powers of e of the whole equation, multiplied out by SymPy's series."""
+    c, e, chi, x = Symbol("c", real=True), Symbol("e"), Symbol("chi"), field("x", t)
+    problem = Problem(name="orders", time=t, control=c, control_range=(-1, 1), fields=(x,), base_state={x: 0}, normalisation=(x, None),
+                      equations=(x.diff(t, 2) - (c + c**2 + 2 * c**3) * x.diff(t) + x * exp(c) + epsilon * x.diff(t, 2) * x + x.diff(t, 2) ** 2 * x + x**4 / 5 + sin(c) * x**2,))
+    formulation = derive_amplitude_equation(problem).problem.formulation
+    (equation,) = equations_of(formulation)
+    highest = 6
+
+    def part(order, fast, slow):
+        return Symbol(f"x_{order}_{fast}_{slow}")
+
+    def inserted(jet):
+        dt = jet[2]
+        return sum(comb(dt, b) * e ** (k + 2 * b) * part(k, dt - b, b) for b in range(dt + 1) for k in range(1, highest + 1))
+
+    whole = equation.components[""].xreplace({symbol: inserted(jet) for symbol, jet in equation.jets.items()} | {formulation.weak: e**2})
+    whole = whole.xreplace({formulation.control: Symbol("c0") + e**2 * chi})
+    for order in range(1, highest + 1):
+        written = sum(value * chi**p * prod(part(f.half_order, f.fast, f.slow) for f in factors) for (p, _, factors), value in equation.at_order(order)[""].items())
+        expected = whole.diff(e, order).subs(e, 0) / factorial(order)
+        assert expand(written.xreplace({formulation.control: Symbol("c0")}) - expected) == 0
 
 
 @pytest.mark.parametrize("order", ["1/3", "0", "17", "two"])
