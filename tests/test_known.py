@@ -4,6 +4,11 @@ from decimal import Decimal
 
 import pytest
 from conftest import PROBLEMS, result_of
+from sympy import Rational, Symbol, cos, expand, integrate, pi, sin, symbols
+
+from derive import Problem, derive_amplitude_equation, field
+from derive.problem import ProblemError
+from numerics import EvaluationError, evaluate
 
 PI = Decimal("3.14159265358979323846264338327950288")
 
@@ -49,8 +54,6 @@ QUICK = frozenset("basedep brus_pde buckle3d clash ff_components ff_weakbc loren
 @pytest.mark.parametrize("name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in sorted(path.stem for path in PROBLEMS.glob("*.py"))])
 def test_routes_agree_on_every_problem(name):
     """Every route that does not refuse gives the same digits."""
-    from numerics import EvaluationError
-
     target = str(PROBLEMS / f"{name}.py")
     chebyshev = result_of(target, 16, "chebyshev")
     for route in ("closed", "quadrature"):
@@ -62,3 +65,36 @@ def test_routes_agree_on_every_problem(name):
         for one in chebyshev.coefficients:
             size = max(abs(complex(one.value)), 1e-12)
             assert abs(complex(one.value) - complex(other[one.monomial].value)) <= 1e-14 * size
+
+
+def test_a_redundant_row_with_time_derivatives_is_taken_and_one_that_contradicts_is_not():
+    """The sum of two oscillators' rows follows from them; with another cubic term it contradicts the amplitude equation's dA/dt only."""
+    t, c = symbols("t", real=True), Symbol("c", real=True)
+    x, y = field("x", t), field("y", t)
+    rows = (x.diff(t) - c * x + y + x**3 + x**2, y.diff(t) - x - c * y + x * y)
+
+    def result(*more):
+        return evaluate(derive_amplitude_equation(Problem(name="sum", time=t, control=c, control_range=(-1, 1), fields=(x, y), equations=(*rows, *more),
+                                                          base_state={x: 0, y: 0}, normalisation=(x, None))).emit(), digits=15)
+
+    alone, both = result(), result(rows[0] + 2 * rows[1])
+    assert [(one.monomial, one.value) for one in alone.coefficients] == [(one.monomial, one.value) for one in both.coefficients]
+    for wrong in (x**3 / 7, c * x, x**2 / 3):
+        with pytest.raises((EvaluationError, ProblemError), match="contradict"):
+            result(rows[0] + 2 * rows[1] + wrong)
+
+
+def test_responses_by_direct_integration_meet_coupled_rows():
+    """p' = u^2, q' = p, p(0) = 0, q(1) + 3 p(1) = 0: with u = A sin(pi s) e^{i pi t} + c.c. and Q from sin^2, dA/dt = mu A/2 - A |A|^2 int Q sin^2."""
+    s, t, c = *symbols("s t", real=True), Symbol("c", real=True)
+    u, p, q = (field(name, s, t) for name in "upq")
+    derivation = derive_amplitude_equation(Problem(
+        name="nested", space=s, interval=(0, 1), time=t, control=c, control_range=(0, 5), fields=(u, p, q),
+        equations=(u.diff(t, 2) - c * u.diff(t) - u.diff(s, 2) - u.diff(s, 2, t) / 5 + q * u.diff(t), p.diff(s) - u**2, q.diff(s) - p),
+        boundary={0: (u, p), 1: (u, q + 3 * p)}, base_state={u: 0, p: 0, q: 0}, normalisation=(u, Rational(1, 2))))
+    Q = s**2 / 4 + (cos(2 * pi * s) - 1) / (8 * pi**2) - Rational(7, 4)
+    result = evaluate(derivation.emit(), digits=20)
+    for monomial, exact in (("A**2*conj(A)", -integrate(expand(Q * sin(pi * s) ** 2), (s, 0, 1))), ("mu*A", Rational(1, 2))):
+        assert abs(Decimal(result[monomial].value.re) - Decimal(str(exact.evalf(30)))) < Decimal("1e-20")
+        assert abs(Decimal(result[monomial].value.im)) < Decimal("1e-20")
+    assert any(response.explicit is not None for response in derivation.reduction.responses)

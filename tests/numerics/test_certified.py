@@ -15,8 +15,8 @@ from numerics.certified import Plan, algebra_of, enclosures, find_root
 from numerics.certified_closed import isolated_roots
 from numerics.certified_count import Pencil, Ratio, first_instability, zeros_right_of
 from numerics.certified_linear import Unproved, elementary
-from numerics.certified_root import approach, prove_root, slopes_at
-from numerics.certified_series import PowerSeries
+from numerics.certified_root import Slopes, approach, prove_root, slopes_at
+from numerics.certified_series import PowerSeries, TooCoarse
 from numerics.coefficients import Module
 from numerics.precision import EvaluationError, NotClosed, working_precision
 
@@ -99,6 +99,22 @@ def test_the_series_of_an_exponential_holds_it_and_is_no_wider_than_its_remainde
         assert a.integral(growth * y).contains(true - 1)
 
 
+def test_the_series_of_a_coefficient_holds_it_between_its_ends():
+    """exp(3 s) on (0, 1): from the first number of terms that is taken, the terms left out are in the radius of the constant."""
+    taken = 0
+    with working_precision(160):
+        for terms in range(30, 50):
+            a = PowerSeries(ends=(acb(0), acb(1)), breaks=(Fraction(0), Fraction(1)), terms=terms, real=True, control=acb(0), frequency=acb(0), values={})
+            try:
+                (piece,) = a.exp(3 * a.s).series().pieces
+            except TooCoarse:
+                continue
+            taken += 1
+            for x in (-1, -0.7, 0.3, 1):
+                assert piece(acb(x)).contains((acb(arb(3) / 2 + arb(x) * 3 / 2)).exp())
+    assert 5 < taken < 20
+
+
 @pytest.mark.parametrize("name", ["tanh", "atan", "asin", "acos", "asinh", "atanh", "sinh", "cosh", "sqrt", "log", "erf", "tan"])
 def test_elementary_functions_agree_with_the_principal_values(name):
     z = acb("0.3", "0.1")
@@ -125,6 +141,34 @@ def test_krawczyk_proves_a_simple_root_and_refuses_a_double_one():
 
     with working_precision(200), pytest.raises(Unproved):
         prove_root(double, slopes_at(double, arb(1), None, arb(1)), arb(1), None)
+
+
+@pytest.mark.parametrize("gap", ["1e-40", "0", "-1e-60"])
+def test_krawczyk_does_not_prove_what_its_box_does_not_show(gap):
+    """(c - 1)^2 + gap has no root, a double one, or two nearer to each other than Newton's step: none is proved from c = 1 + 1e-25."""
+    with working_precision(300):
+        def parabola(control, frequency):
+            return (control - 1) ** 2 + arb(gap)
+
+        near = arb("1.0000000000000000000000001").mid()
+        slopes = Slopes(first=(2 * acb(near - 1),), radii=(arb("1e-10"),), variation=arb("1.0000001e-20"))
+        with pytest.raises(Unproved):
+            prove_root(parabola, slopes, near, None)
+
+
+def test_slopes_hold_over_a_box():
+    """Derivatives over a box hold those at its corners: exp(3 c) sin(2 w) about (0.4, 0.7)."""
+    def surface(control, frequency):
+        return (3 * control).exp() * (2 * frequency).sin()
+
+    with working_precision(200):
+        slopes = slopes_at(surface, arb("0.4"), arb("0.7"), arb(1))
+        box = tuple(radius / 5 for radius in slopes.radii)
+        over = slopes.over(box)
+        for a in (-1, 1):
+            for b in (-1, 1):
+                c, w = acb("0.4") + a * box[0], acb("0.7") + b * box[1]
+                assert over[0].contains(3 * (3 * c).exp() * (2 * w).sin()) and over[1].contains(2 * (3 * c).exp() * (2 * w).cos())
 
 
 def test_exponents_are_isolated_or_refused():

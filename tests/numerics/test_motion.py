@@ -167,6 +167,15 @@ def test_a_general_motion_comes_to_rest_on_a_line_or_leaves_every_bound(monkeypa
         integrate_vector(1e3 + 0j, -1e-9 + 0j, -1 + 0j, (0.1, 0.03j), 1e12)
 
 
+def test_the_rest_of_the_way_is_the_end_of_a_longer_integration():
+    """After the integration has come to rest, |A| and the phases go on as they would have: whirling, ten times as long as until rest."""
+    motion, _ = moved((0.08, 0.05j), 0.5, 400.0)
+    assert isinstance(motion, VectorMotion) and motion.rest < 40
+    whole = integrate_vector(motion.growth, motion.alpha, motion.beta, motion.amplitude(motion.rest / 2), 400.0)
+    late = motion.rest * np.array([1.01, 2, 9])
+    assert whole.amplitude(late - motion.rest / 2) == pytest.approx(motion.amplitude(late), rel=1e-9)
+
+
 def test_a_motion_without_bound_is_refused():
     for target, initial, mu in ((str(PROBLEMS / "fisher.py"), (-0.1,), 0.5), (str(PROBLEMS / "zero_cubic.py"), (0.1,), 0.5), (str(PROBLEMS / "lorenz_hopf.py"), (3,), 1.0)):
         with pytest.raises(EvaluationError, match="grows"):
