@@ -12,11 +12,13 @@ import contextlib
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import comb
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from sympy import Expr, Function, I, Integer, Matrix, Poly, Rational, Symbol, expand, fraction, lambdify, lcm, together
+from sympy.printing.numpy import NumPyPrinter
 from threadpoolctl import threadpool_limits
 
 from derive.expansion import Expansion
@@ -245,7 +247,7 @@ class Pencil:
         for k in range(degree + 1):
             total = np.zeros_like(matrices[0])
             for power in range(k, degree + 1):
-                total = total + matrices[power] * (binomial(power, k) * shift ** (power - k))
+                total = total + matrices[power] * (comb(power, k) * shift ** (power - k))
             shifted.append(total)
         scale = np.abs(shifted[0]).max(axis=1)
         scale[scale == 0] = 1
@@ -294,15 +296,13 @@ def compiled(arguments: tuple[Symbol, Symbol], expressions: list[Any]) -> Callab
     """Return the expressions as a NumPy function; SciPy is loaded for special functions only."""
     names = {type(node).__name__ for one in expressions if isinstance(one, Expr) for node in one.atoms(Function)}
     elementary = {"exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "asinh", "acosh", "atanh"}
-    modules = ["numpy"] if names <= elementary else ["scipy", "numpy"]
-    return lambdify(arguments, expressions, modules=modules)  # type: ignore[no-any-return]
-
-
-def binomial(n: int, k: int) -> int:
-    """Return n over k."""
-    from math import comb
-
-    return comb(n, k)
+    function: Callable[..., Sequence[Any]]
+    if names <= elementary:  # what is in NumPy already: `from numpy import *`, which SymPy would run, loads all that NumPy has
+        printer = NumPyPrinter({"fully_qualified_modules": False, "inline": True, "allow_unknown_functions": True})
+        function = lambdify(arguments, expressions, modules=[vars(np)], printer=printer)
+    else:
+        function = lambdify(arguments, expressions, modules=["scipy", "numpy"])
+    return function
 
 
 def polynomial_row(entries: list[Expr], slope: bool, control: Symbol) -> list[list[Expr]]:

@@ -11,7 +11,7 @@ carries i, which in vectors is :math:`n\times`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import comb
 
@@ -156,7 +156,7 @@ def restricted_problem(expansion: Expansion, weight: int, growth: Expr) -> Restr
                 opposite = other.get(key)
                 if opposite is None:
                     continue
-                sign = 1 if expand(opposite - reflected(value)) == 0 else -1 if expand(opposite + reflected(value)) == 0 else 0
+                sign = 1 if expand(opposite - value) == 0 else -1 if expand(opposite + value) == 0 else 0
                 if sign == 0 and weight:
                     raise DerivationError("a row has no parity under reflections")
                 sign = sign or 1
@@ -177,11 +177,6 @@ def restricted_problem(expansion: Expansion, weight: int, growth: Expr) -> Restr
         rows=tuple(number for number, _ in interior), left_rows=tuple(number for number, _ in left), right_rows=tuple(number for number, _ in right),
         space=expansion.formulation.space,
     )
-
-
-def reflected(expression: Expr) -> Expr:
-    """Return the coefficient itself: the harmonic is not reflected."""
-    return expression
 
 
 def mirror_rows(expansion: Expansion, weight: int) -> Mapping[tuple[str, int], dict[JetColumn, Expr]]:
@@ -255,8 +250,11 @@ def scalar_adjoint(operator: FirstOrderOperator, solvability: Solvability, funct
         determinant = expand(change.det(method="berkowitz"))
         if determinant == 0:
             continue
-        inverse = change.inv(method="ADJ").applyfunc(lambda entry: expand(entry.cancel()))
-        to_phi = lambda line: tuple(expand(entry.cancel()) for entry in (Matrix([line]) * inverse))  # noqa: B023, E731
+        inverse = (change.adjugate(method="berkowitz") / determinant).applyfunc(lambda entry: expand(entry.cancel()))
+
+        def to_phi(line: Sequence[Expr]) -> tuple[Expr, ...]:
+            return tuple(expand(entry.cancel()) for entry in Matrix([line]) * inverse)
+
         return ScalarAdjoint(
             multipliers={key: to_phi(line) for key, line in multipliers.items()},
             equation=to_phi(list(table[n])),
