@@ -9,7 +9,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,16 +18,11 @@ from threadpoolctl import threadpool_limits
 
 from derive.derivation import Derivation, derive_amplitude_equation
 from derive.files import write_text
-from derive.problem import DerivationError, Problem, ProblemError, bundled_names, load_problem
+from derive.problem import DerivationError, Problem, ProblemError, bundled_names, load_problem, one_line
 from numerics.coefficients import ROUTES, Result, evaluate
 from numerics.precision import EvaluationError
 
 MISTAKES = (ProblemError, DerivationError, EvaluationError)
-
-
-def one_line(mistake: BaseException) -> str:
-    """Return a message on one line."""
-    return " ".join(str(mistake).split())
 
 
 class Command(click.Group):
@@ -40,22 +35,18 @@ class Command(click.Group):
         try:
             with threadpool_limits(limits=1):  # small matrices: threads of BLAS only cost, and other processes want the cores
                 status = super().main(*arguments, **options)
-            sys.stdout.flush()
             sys.exit(status if isinstance(status, int) else 0)
         except MISTAKES as mistake:
-            fail(one_line(mistake))
+            fail(str(mistake))
         except click.exceptions.NoArgsIsHelpError as mistake:
             click.echo(mistake.format_message())
             sys.exit(0)
         except click.ClickException as mistake:
-            fail(one_line(Exception(mistake.format_message())))
+            fail(mistake.format_message())
         except (click.exceptions.Abort, KeyboardInterrupt):
             fail("interrupted; nothing that was there before is changed", 130)
         except click.exceptions.Exit as done:
             sys.exit(done.exit_code)
-        except BrokenPipeError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            sys.exit(1)
         except OSError as mistake:
             fail(f"{mistake.filename or 'output'}: {mistake.strerror or mistake}")
         except RecursionError:
@@ -66,7 +57,7 @@ class Command(click.Group):
 
 def fail(message: str, status: int = 2) -> None:
     """Write one line to standard error and leave."""
-    click.echo(f"fredholm: {message}", err=True)
+    click.echo(f"fredholm: {one_line(message)}", err=True)
     sys.exit(status)
 
 
@@ -79,10 +70,27 @@ def main() -> None:
 def loaded(target: str) -> Problem:
     """Return the problem; what the file prints goes to standard error, and only if the file is sound: a mistake is one line."""
     said = io.StringIO()
-    with contextlib.redirect_stdout(said):
+    with standard_output_aside(), contextlib.redirect_stdout(said):
         problem = load_problem(target)
     click.echo(said.getvalue(), err=True, nl=False)
     return problem
+
+
+@contextlib.contextmanager
+def standard_output_aside() -> Iterator[None]:
+    """Send to standard error what passes Python's `print` by, such as the output of a program that a problem file starts."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    aside = os.open(os.devnull, os.O_WRONLY) if sys.__stderr__ is None else os.dup(2)
+    os.dup2(aside, 1)
+    try:
+        yield
+    finally:
+        if sys.__stdout__ is not None:
+            sys.__stdout__.flush()
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(aside)
 
 
 def derived(target: str) -> Derivation:
@@ -325,9 +333,9 @@ def full(target: str, state: str, mu: float | None, mu_range: tuple[float, float
         found = solve_state(text, result, state, mu, tolerance)
         click.echo(json.dumps(found.as_dict()) if as_json else found.text())
         return
-    low, high = mu_range  # type: ignore[misc]
+    assert mu_range is not None
     points = []
-    for one in follow_branch(text, result, state, low, high, tolerance):
+    for one in follow_branch(text, result, state, *mu_range, tolerance):
         points.append(one)
         if not as_json:
             click.echo(one.line())
@@ -423,7 +431,7 @@ def drawn(derivation: Derivation, form: str, names: Sequence[str], strict: bool)
         except EvaluationError as reason:
             if strict:
                 raise
-            click.echo(f"fredholm: {name} is left out: {one_line(reason)}", err=True)
+            click.echo(f"fredholm: {name} is left out: {one_line(str(reason))}", err=True)
 
 
 @main.command()
@@ -435,7 +443,11 @@ def validate(target: str, as_json: bool) -> int:
     from numerics.full_validate import validate as run
 
     derivation, result = coefficients_of(target, 15, "auto", False)
-    say: Callable[[str], None] = lambda text: click.echo(text, err=True) if sys.stderr.isatty() else None  # noqa: E731
+
+    def say(text: str) -> None:
+        if sys.stderr.isatty():
+            click.echo(text, err=True)
+
     found = run(emit_residual(derivation.problem), derivation.emit(), result, say)
     click.echo(json.dumps(found.as_dict()) if as_json else found.text())
     return 0 if found.agrees else 1

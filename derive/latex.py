@@ -161,7 +161,7 @@ class Writer:
             if unknown.component == "p":
                 along = self.formulation.base[unknown.index + 2]
                 sign, body = notation.product(along, notation.axis, threshold=False)
-                value = rf"\mathbf{{0}}" if along == 0 else ("-" if sign == "-" else "") + body  # noqa: F541
+                value = r"\mathbf{0}" if along == 0 else ("-" if sign == "-" else "") + body
                 rows.append(rf"{notation.field(unknown.index)} &= {value} \quad \text{{(base state)}}")
             else:
                 rows.append(rf"{notation.component(unknown.index)} &= {notation.text(base, threshold=False)} \quad \text{{(base state)}}")

@@ -64,6 +64,11 @@ class DerivationError(ArithmeticError):
     """The mathematics of the statement does not lead to an amplitude equation of the class."""
 
 
+def one_line(message: str) -> str:
+    """Return a message on one line."""
+    return " ".join(message.split())
+
+
 def field(name: str, *arguments: Symbol) -> Expr:
     """Return a real scalar field `name` of space and time, or of time alone."""
     return Function(name, real=True)(*arguments)
@@ -227,7 +232,7 @@ def load_problem(target: str | Path) -> Problem:
     except KeyboardInterrupt:
         raise
     except BaseException as mistake:
-        said = " ".join(str(mistake).split()) or "no message"
+        said = one_line(str(mistake)) or "no message"
         raise ProblemError(f"{path}, line {line_in(path, mistake)}: {type(mistake).__name__}: {said}") from mistake
     problem = bound.get("problem")
     if not isinstance(problem, Problem):
