@@ -17,7 +17,7 @@ import click
 from threadpoolctl import threadpool_limits
 
 from derive.derivation import Derivation, derive_amplitude_equation
-from derive.files import write_text
+from derive.files import check_folder, write_files
 from derive.problem import DerivationError, Problem, ProblemError, bundled_names, load_problem, one_line
 from numerics.coefficients import ROUTES, Result, evaluate
 from numerics.precision import EvaluationError
@@ -134,18 +134,18 @@ def derive(targets: tuple[str, ...], everything: bool, out: str, check: bool) ->
     """Write NAME.py and NAME.tex."""
     from derive.latex import document
 
-    differs = False
-    folder = Path(out)
-    pending: list[tuple[Path, str]] = []
+    texts: dict[Path, str] = {}
     for target in targets_of(targets, everything):
         derivation = derived(target)
-        stem = derivation.problem.name
-        pending += [(folder / f"{stem}.py", derivation.emit()), (folder / f"{stem}.tex", document(derivation))]
-    for path, text in pending:
-        if not check:
-            write_text(path, text)
+        stem = Path(out) / derivation.problem.name
+        texts |= {Path(f"{stem}.py"): derivation.emit(), Path(f"{stem}.tex"): document(derivation)}
+    if not check:
+        write_files(texts)
+        for path in texts:
             click.echo(path)
-            continue
+        return 0
+    differs = False
+    for path, text in texts.items():
         before = path.read_text(encoding="utf-8") if path.is_file() else ""
         if before != text:
             differs = True
@@ -287,12 +287,13 @@ def bench(targets: tuple[str, ...], out: str | None, as_json: bool, quick: bool)
     """Speed against error of every route; exit 1 if a claimed error is below the true one."""
     from importlib.util import find_spec
 
-    from derive.files import write_bytes
     from numerics.bench import REFERENCE_DIGITS, Measurement, diagram, measure, reference_of, routes_of, table
 
     if out is not None and find_spec("matplotlib") is None:
         raise click.UsageError("--out: found no matplotlib, which draws the diagrams; install it, or leave --out away")
     problems = [(derivation.problem.name, derivation.emit()) for derivation in map(derived, targets or bundled_names())]
+    if out is not None:
+        check_folder(Path(out))
     measurements: list[Measurement] = []
     proved = {}
     for name, text in problems:
@@ -300,12 +301,10 @@ def bench(targets: tuple[str, ...], out: str | None, as_json: bool, quick: bool)
         with click.progressbar(routes_of(text, quick), label=name, file=sys.stderr, hidden=not sys.stderr.isatty()) as routes:
             measurements += [measure(name, route, reference) for route in routes]
     plain = {"reference_digits": str(REFERENCE_DIGITS), "reference_certified": proved, "measurements": [one.as_dict() for one in measurements]}
-    click.echo(json.dumps(plain) if as_json else table(measurements, proved))
     if out is not None:
-        write_text(Path(out) / "bench.json", json.dumps(plain, indent=1) + "\n")
-        for name, _ in problems:
-            for kind in ("svg", "png"):
-                write_bytes(Path(out) / f"{name}.{kind}", diagram(name, measurements, kind))
+        diagrams = {Path(out) / f"{name}.{kind}": diagram(name, measurements, kind) for name, _ in problems for kind in ("svg", "png")}
+        write_files({Path(out) / "bench.json": json.dumps(plain, indent=1) + "\n", **diagrams})
+    click.echo(json.dumps(plain) if as_json else table(measurements, proved))
     failed = [f"{one.problem}, {one.route}: {text}" for one in measurements for text in one.failures]
     for text in failed:
         click.echo(f"fredholm: claimed error below the true one: {text}", err=True)
@@ -365,7 +364,6 @@ def simulate(target: str, initial: str, mu: float, until: float, out: str, order
     the peak of the normalised field (for a steady bifurcation u = base + A phi, A real). The paper's scaled amplitude and slow time are A/epsilon^(1/2) and
     epsilon t with mu = epsilon chi. Weak effects are left out (epsilon = 0).
     """
-    from derive.files import write_bytes
     from numerics.motion import Scene
     from numerics.simulation import FORMATS, Sampling, parse_amplitude
     from numerics.simulation import simulate as run
@@ -381,12 +379,13 @@ def simulate(target: str, initial: str, mu: float, until: float, out: str, order
         from numerics.full_simulation import Accuracy, simulate_fields
 
         derivation, result = coefficients_of(target, 15, "auto", False)
+        check_folder(path.parent)
         data = simulate_fields(emit_residual(derivation.problem), derivation.emit(), result, scene, sampling, Accuracy(steps=steps, tolerance=tolerance))
     else:
         data = run(derived(target).emit(), scene, sampling)
     if data.attributes.get("phase_error", 0.0) > 1e-3:
         click.echo(f"fredholm: warning: slow phases at the end are known to {data.attributes['phase_error']:.1g} rad only", err=True)
-    write_bytes(path, data.as_bytes(form))
+    write_files({path: data.as_bytes(form)})
     click.echo(path)
 
 
@@ -397,16 +396,16 @@ def simulate(target: str, initial: str, mu: float, until: float, out: str, order
 @click.option("--only", default=None, help="One figure: growth, mode, bifurcation, transients, approach, decay, spacetime or animation.")
 def figures(target: str, out: str | None, form: str, only: str | None) -> None:
     """Draw the figures of a problem: what does not apply to it is left out, and said."""
-    from derive.files import write_bytes
     from numerics.figures import NAMES
 
     if only is not None and only not in NAMES:
         raise click.UsageError(f"--only: found {only!r}; expected one of {', '.join(NAMES)}")
     derivation = derived(target)
     folder = Path(out) if out else Path(f"{derivation.problem.name}-figures")
-    for name, content in drawn(derivation, form, (only,) if only else NAMES, only is not None):
-        write_bytes(folder / name, content)
-        click.echo(folder / name)
+    files = {folder / name: content for name, content in drawn(derivation, form, (only,) if only else NAMES, only is not None)}
+    write_files(files)
+    for path in files:
+        click.echo(path)
 
 
 def drawn(derivation: Derivation, form: str, names: Sequence[str], strict: bool) -> Iterator[tuple[str, bytes]]:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from derive.derivation import Derivation, derive_amplitude_equation
-from derive.files import write_bytes
+from derive.files import check_folder, write_files
 from derive.latex import Writer, document
 from derive.problem import DerivationError, Problem, one_line
 from derive.states import States, derive_states
@@ -144,13 +144,11 @@ def reproduce(problem: Problem, folder: Path | None, settings: Settings, say: Ca
     folder = folder or Path(f"{problem.name}-report")
     stages = Stages(say)
     derivation = stages.run("derivation", lambda: derive_amplitude_equation(problem))
-    folder.mkdir(parents=True, exist_ok=True)
-    tempfile.TemporaryFile(dir=folder).close()  # a folder that cannot be written to is told before the work
+    check_folder(folder)
     findings = gather(derivation, settings, stages)
     say("files")
     summary = summary_of(findings)
-    for name, content in tuple(files_of(findings, summary, show)):  # all are made before the first is written
-        write_bytes(folder / name, content.encode("utf-8") if isinstance(content, str) else content)
+    write_files({folder / name: content for name, content in files_of(findings, summary, show)})
     show(summary)
     show(f"written to {folder}; open {folder / 'report.html'}")
     return 0 if findings.agrees else 1

@@ -47,6 +47,29 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path, folder, expected):
     assert (tmp_path / "taken").read_text() == "mine" and [path.name for path in tmp_path.iterdir()] == ["taken"]
 
 
+@pytest.mark.parametrize("cause", ["an interruption", "a folder in the way"])
+def test_files_are_written_all_or_none(tmp_path, monkeypatch, cause):
+    folder = tmp_path / "there"
+    folder.mkdir()
+    (folder / "van_der_pol.py").write_text("before")
+    written = []
+
+    def interrupted(handle, content, asked):
+        os.close(handle)
+        written.append(asked)
+        if asked.suffix == ".tex":
+            raise KeyboardInterrupt
+
+    if cause == "an interruption":
+        monkeypatch.setattr("derive.files.write_whole", interrupted)
+    else:
+        (folder / "van_der_pol.tex").mkdir()
+    done = run("derive", "van_der_pol", "--out", str(folder))
+    assert done.exit_code == (130 if written else 2) and done.stdout == "" and len(done.stderr.strip().splitlines()) == 1
+    assert "nothing that was there before is changed" in done.stderr if written else f"{folder / 'van_der_pol.tex'}: found a folder" in done.stderr
+    assert (folder / "van_der_pol.py").read_text() == "before" and len(list(folder.iterdir())) == (1 if written else 2)
+
+
 def test_a_name_too_long_for_a_file_is_refused_as_any_other():
     done = run("coefficients", "x" * 5000)
     assert done.exit_code == 2 and "found no such file and no such model" in done.stderr
