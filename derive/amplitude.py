@@ -17,13 +17,14 @@ from itertools import product
 from sympy import Expr, I, Integer, Symbol, expand
 
 from derive.expansion import Expansion
+from derive.formulation import SCALAR_MONOMIALS, VECTOR_MONOMIALS
 from derive.functions import Functions, conjugated
 from derive.onset import Onset, holds_mode
 from derive.operator import LAMBDA, OMEGA, BoundaryRows, FirstOrderOperator, Forcing, coupled_block, reduce_operator
 from derive.ordinary import AlgebraicOperator
-from derive.problem import SCALAR_MONOMIALS, VECTOR_MONOMIALS, DerivationError, ProblemError
 from derive.response import Amplitude, Contribution, Operator, Orders, Response, forced, labels_of, reduced, respond, right_hand_sides
 from derive.solvability import Solvability, solvability_of
+from derive.statement import DerivationError, ProblemError
 
 Given = dict[tuple[str, int], Expr]
 
@@ -346,10 +347,6 @@ def reduce_to_amplitude(expansion: Expansion, onset: Onset, operators: Mapping[i
         forcing = given(lambda row: orders.linear(row.weak, first), weight, "f_weak")
         if forcing:
             coefficients.append(coefficient("epsilon*A", forcing, solvability))
-    known = (*SCALAR_MONOMIALS, *VECTOR_MONOMIALS)
-    for text in formulation.problem.coefficient_names:
-        if text not in known:
-            raise ProblemError(f"coefficient_names: found the monomial {text!r}; expected one of {', '.join(VECTOR_MONOMIALS if vector else SCALAR_MONOMIALS)}")
     order_of = {text: k for k, text in enumerate(VECTOR_MONOMIALS[1:4] if vector else SCALAR_MONOMIALS[1:4])}
     coefficients.sort(key=lambda one: (one.monomial.startswith("epsilon"), one.monomial == "mu*A", order_of.get(one.monomial, 0)))
     spare = [(side, ", ".join(labels), condition) for response in responses for side, labels, condition in response.spare]

@@ -18,7 +18,8 @@ from threadpoolctl import threadpool_limits
 
 from derive.derivation import Derivation, derive_amplitude_equation
 from derive.files import check_folder, write_files
-from derive.problem import DerivationError, Problem, ProblemError, bundled_names, load_problem, one_line
+from derive.problem import Problem, bundled_names, load_problem
+from derive.statement import DerivationError, ProblemError, one_line
 from numerics.coefficients import ROUTES, Result, evaluate
 from numerics.precision import EvaluationError
 

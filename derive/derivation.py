@@ -1,6 +1,6 @@
 """The map of the symbolic layer.
 
-statement -> rows over jets           (problem)
+statement -> rows over jets           (problem, formulation)
           -> Taylor rows              (expansion)
           -> first-order operators    (operator; ordinary, without space)
           -> first loss of stability  (onset)

@@ -15,8 +15,8 @@ from sympy.functions.elementary.exponential import ExpBase
 from derive.adjoint import Adjoint
 from derive.amplitude import weak_identifier
 from derive.operator import OMEGA, FirstOrderOperator
-from derive.problem import ProblemError
 from derive.response import Operator, Response
+from derive.statement import ProblemError
 from derive.symmetry import amplitude_is_odd
 
 if TYPE_CHECKING:

@@ -15,7 +15,8 @@ from typing import Any
 
 from sympy import Add, Expr, I, Integer, Mul, Rational, Symbol, expand, nan, oo, zoo
 
-from derive.problem import Formulation, Jet, ProblemError, RawRow, base_jets
+from derive.formulation import Formulation, Jet, RawRow, base_jets
+from derive.statement import ProblemError
 
 ORDER = 3
 

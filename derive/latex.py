@@ -20,8 +20,8 @@ from derive.amplitude import Coefficient
 from derive.harmonics import Harmonics, Monomial
 from derive.notation import Notation, added, half, joined, monomial_text, plain, primes
 from derive.operator import FirstOrderOperator
-from derive.problem import DerivationError, ProblemError, epsilon
 from derive.restricted import RestrictedProblem, ScalarAdjoint, conjugate, restricted_problem, scalar_adjoint
+from derive.statement import DerivationError, ProblemError, epsilon
 from derive.two_times import Equation, Factor, Term, equations_of, stated_terms
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from sympy import Add, Expr, I, Integer, Symbol, expand
 from sympy import latex as sympy_latex
 
 from derive.operator import LAMBDA, OMEGA
-from derive.problem import ProblemError
+from derive.statement import ProblemError, ordered_symbols
 from derive.two_times import Factor, Term
 from derive.vectors import Product, written
 
@@ -142,7 +142,7 @@ class Notation:
     def inlined(self, expression: Expr) -> Expr:
         """Return the expression with named intermediate functions written out; responses keep their names."""
         while True:
-            found = sorted((symbol for symbol in expression.free_symbols if symbol in self.definitions), key=lambda symbol: symbol.name)  # type: ignore[attr-defined]
+            found = [symbol for symbol in ordered_symbols(expression) if symbol in self.definitions]
             if not found:
                 return expression.expand()
             expression = expression.xreplace({symbol: self.definitions[symbol].expression for symbol in found})

@@ -22,9 +22,10 @@ from sympy.printing.numpy import NumPyPrinter
 from threadpoolctl import threadpool_limits
 
 from derive.expansion import Expansion
+from derive.formulation import Formulation
 from derive.operator import LAMBDA, FirstOrderOperator
 from derive.ordinary import AlgebraicOperator
-from derive.problem import DerivationError, Formulation, ProblemError
+from derive.statement import DerivationError, ProblemError
 
 SCAN = 61
 NODES = (28, 44, 72, 120, 200)

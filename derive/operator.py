@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from sympy import Add, Expr, Integer, Matrix, Mul, Symbol, cancel, expand, fraction, together
 
 from derive.expansion import Expansion, TaylorRow
-from derive.problem import DerivationError, Formulation, Jet, ProblemError
+from derive.formulation import Formulation, Jet
+from derive.statement import DerivationError, ProblemError
 
 Forcing = dict[tuple[str, int, int], Expr]
 """{(kind, row, derivative): coefficient}; kind is "row" for an interior row and "left" or "right" for a boundary row."""

@@ -9,7 +9,7 @@ from sympy import Expr, Integer
 
 from derive.expansion import Expansion
 from derive.operator import LAMBDA, Elimination, Forcing, WorkingRow, at_growth, check_redundant, length
-from derive.problem import ProblemError
+from derive.statement import ProblemError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

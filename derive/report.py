@@ -19,7 +19,8 @@ from typing import Any, TypeVar
 from derive.derivation import Derivation, derive_amplitude_equation
 from derive.files import check_folder, write_files
 from derive.latex import Writer, document
-from derive.problem import DerivationError, Problem, one_line
+from derive.problem import Problem
+from derive.statement import DerivationError, one_line
 from derive.states import States, derive_states
 from numerics.coefficients import Result, evaluate
 from numerics.comparison import Comparison, compare, further_values, reference_of

@@ -11,7 +11,9 @@ from collections.abc import Mapping, Sequence
 from sympy import Expr, I, Integer, Symbol, cse, expand, numbered_symbols
 from sympy.printing.numpy import SciPyPrinter
 
-from derive.problem import DerivationError, Formulation, Jet, Problem, RawRow
+from derive.formulation import Formulation, Jet, RawRow
+from derive.problem import Problem
+from derive.statement import DerivationError
 
 
 class Printer(SciPyPrinter):

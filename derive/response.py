@@ -15,10 +15,10 @@ from typing import Any
 from sympy import Expr, I, Integer, Symbol
 
 from derive.expansion import Expansion, TaylorRow
+from derive.formulation import Jet
 from derive.functions import Functions
 from derive.operator import OMEGA, FirstOrderOperator, Forcing, reduce_operator
 from derive.ordinary import AlgebraicOperator, reduce_ordinary
-from derive.problem import Jet
 
 Monomial = tuple[int, ...]
 """Exponents over the amplitudes of the kind of bifurcation."""

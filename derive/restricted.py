@@ -20,8 +20,8 @@ from sympy import Expr, I, Integer, Matrix, Symbol, expand
 from derive.expansion import Expansion, TaylorRow
 from derive.functions import Functions
 from derive.operator import OMEGA, FirstOrderOperator
-from derive.problem import DerivationError
 from derive.solvability import Solvability
+from derive.statement import DerivationError
 
 Entry = dict[int, Expr]
 """{order of the space derivative: coefficient}"""

@@ -11,9 +11,9 @@ from sympy import I, Integer, Rational, Symbol, expand
 from derive.harmonics import Harmonics
 from derive.latex import Writer, document, latex
 from derive.notation import Notation
-from derive.problem import ProblemError
 from derive.response import Orders, right_hand_sides
 from derive.restricted import conjugate, restricted_problem
+from derive.statement import ProblemError
 from derive.two_times import equations_of, stated_terms
 from derive.vectors import cross, dot, scalar_forms, vector, vector_forms
 
