@@ -188,7 +188,7 @@ def mirror_rows(expansion: Expansion, weight: int) -> Mapping[tuple[str, int], d
     partner = {unknown.index: [other.index for other in unknowns if other.field == unknown.field and other.weight == -weight][0] for unknown in unknowns if unknown.weight == weight}
     column = {partner[index]: j for j, index in enumerate(fields)}
     result: dict[tuple[str, int], dict[JetColumn, Expr]] = {}
-    for kind, rows in (("row", expansion.rows), *zip(("left", "right"), expansion.ends, strict=False)):
+    for kind, rows in expansion.groups:
         plus = [number for number, row in enumerate(rows) if row.weight == weight and row.linear()]
         minus = [number for number, row in enumerate(rows) if row.weight == -weight and row.linear()]
         if len(plus) != len(minus):
