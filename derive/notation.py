@@ -53,6 +53,14 @@ def joined(terms: Sequence[str], width: int = 4) -> str:
     return " \\\\\n&\\quad ".join(lines)
 
 
+def array(rows: Sequence[Sequence[str]]) -> str:
+    """Return a matrix."""
+    if not rows:
+        return r"\left(\,\right)"
+    body = r" \\ ".join(" & ".join(row) for row in rows)
+    return rf"\left(\begin{{array}}{{{'c' * len(rows[0])}}} {body} \end{{array}}\right)"
+
+
 class Notation:
     """Names of symbols in LaTeX for one derivation.
 
@@ -168,6 +176,18 @@ class Notation:
             expression = expand(expression.xreplace({OMEGA: -I * I_OMEGA}))
         parts = expression.as_ordered_terms() if isinstance(expression, Add) else [expression]
         return added(self.product(part, "", threshold) for part in parts) if expression != 0 else []
+
+    def combination(self, coefficients: Sequence[Expr], symbols: Sequence[Expr]) -> list[str]:
+        """Return a linear form term by term."""
+        return added(self.product(c, self.text(symbol)) for c, symbol in zip(coefficients, symbols, strict=True) if c != 0)
+
+    def matrix(self, rows: Sequence[Sequence[Expr]]) -> str:
+        """Return a matrix of expressions."""
+        return array([[self.text(entry) for entry in row] for row in rows])
+
+    def at(self, place: str) -> str:
+        """Return where a boundary row holds."""
+        return rf" \quad \text{{at}} \quad {self.space} = {place}"
 
     def factor(self, factor: Factor) -> str:
         """Return a derivative of the field of one order (of its whole vector)."""
