@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
-from derive.latex import TITLES, Writer, coefficient_symbols, half
+from derive.latex import TITLES, Writer
+from derive.latex_adjoint import coefficient_symbols
 from derive.mathml import display, math
+from derive.notation import half
 from derive.page import Chapter, Markup, figure, folded, left_out, number, paragraph, table, verdict
 from derive.states import States
 from derive.states_latex import parts_of
@@ -52,7 +54,7 @@ def derivation_chapters(writer: Writer) -> list[Chapter]:
 
 def facts(writer: Writer) -> str:
     """Return the rest of the statement: intervals, parameters, normalisation."""
-    notation, formulation = writer.notation, writer.formulation
+    notation, formulation = writer.notation, writer.derivation.expansion.formulation
     low, high = map(tex, formulation.control_range)
     rows: list[tuple[object, object]] = [("control, and where to look for the threshold", Markup(math(rf"{notation.control}, \quad {low} \text{{ to }} {high}")))]
     if formulation.interval is not None:
@@ -82,7 +84,7 @@ def symbol_chapter(entries: Sequence[Entry]) -> Chapter:
 def coefficient_chapter(writer: Writer, results: Mapping[str, Any], agreement: Mapping[str, int], refused: Mapping[str, str], digits: int) -> Chapter:
     """Return threshold and coefficients with their errors, and the digits by every route."""
     best = results.get("certified") or next(iter(results.values()))
-    listed = list(writer.reduction.coefficients)
+    listed = list(writer.derivation.reduction.coefficients)
     symbols = {one.name: symbol for one, symbol in zip(listed, coefficient_symbols(listed).values(), strict=True)}
     kind = "proved" if best.certified else "estimated from two independent computations"
     control = rf"{{{writer.notation.control}}}_{{c}}"

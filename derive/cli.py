@@ -9,7 +9,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +17,13 @@ import click
 from threadpoolctl import threadpool_limits
 
 from derive.derivation import Derivation, derive_amplitude_equation
-from derive.files import write_text
-from derive.problem import DerivationError, Problem, ProblemError, bundled_names, load_problem
+from derive.files import check_folder, write_files
+from derive.problem import Problem, bundled_names, load_problem
+from derive.statement import DerivationError, ProblemError, one_line
 from numerics.coefficients import ROUTES, Result, evaluate
 from numerics.precision import EvaluationError
 
 MISTAKES = (ProblemError, DerivationError, EvaluationError)
-
-
-def one_line(mistake: BaseException) -> str:
-    """Return a message on one line."""
-    return " ".join(str(mistake).split())
 
 
 class Command(click.Group):
@@ -40,22 +36,18 @@ class Command(click.Group):
         try:
             with threadpool_limits(limits=1):  # small matrices: threads of BLAS only cost, and other processes want the cores
                 status = super().main(*arguments, **options)
-            sys.stdout.flush()
             sys.exit(status if isinstance(status, int) else 0)
         except MISTAKES as mistake:
-            fail(one_line(mistake))
+            fail(str(mistake))
         except click.exceptions.NoArgsIsHelpError as mistake:
             click.echo(mistake.format_message())
             sys.exit(0)
         except click.ClickException as mistake:
-            fail(one_line(Exception(mistake.format_message())))
+            fail(mistake.format_message())
         except (click.exceptions.Abort, KeyboardInterrupt):
             fail("interrupted; nothing that was there before is changed", 130)
         except click.exceptions.Exit as done:
             sys.exit(done.exit_code)
-        except BrokenPipeError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            sys.exit(1)
         except OSError as mistake:
             fail(f"{mistake.filename or 'output'}: {mistake.strerror or mistake}")
         except RecursionError:
@@ -66,7 +58,7 @@ class Command(click.Group):
 
 def fail(message: str, status: int = 2) -> None:
     """Write one line to standard error and leave."""
-    click.echo(f"fredholm: {message}", err=True)
+    click.echo(f"fredholm: {one_line(message)}", err=True)
     sys.exit(status)
 
 
@@ -79,10 +71,27 @@ def main() -> None:
 def loaded(target: str) -> Problem:
     """Return the problem; what the file prints goes to standard error, and only if the file is sound: a mistake is one line."""
     said = io.StringIO()
-    with contextlib.redirect_stdout(said):
+    with standard_output_aside(), contextlib.redirect_stdout(said):
         problem = load_problem(target)
     click.echo(said.getvalue(), err=True, nl=False)
     return problem
+
+
+@contextlib.contextmanager
+def standard_output_aside() -> Iterator[None]:
+    """Send to standard error what passes Python's `print` by, such as the output of a program that a problem file starts."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    aside = os.open(os.devnull, os.O_WRONLY) if sys.__stderr__ is None else os.dup(2)
+    os.dup2(aside, 1)
+    try:
+        yield
+    finally:
+        if sys.__stdout__ is not None:
+            sys.__stdout__.flush()
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(aside)
 
 
 def derived(target: str) -> Derivation:
@@ -126,18 +135,18 @@ def derive(targets: tuple[str, ...], everything: bool, out: str, check: bool) ->
     """Write NAME.py and NAME.tex."""
     from derive.latex import document
 
-    differs = False
-    folder = Path(out)
-    pending: list[tuple[Path, str]] = []
+    texts: dict[Path, str] = {}
     for target in targets_of(targets, everything):
         derivation = derived(target)
-        stem = derivation.problem.name
-        pending += [(folder / f"{stem}.py", derivation.emit()), (folder / f"{stem}.tex", document(derivation))]
-    for path, text in pending:
-        if not check:
-            write_text(path, text)
+        stem = Path(out) / derivation.problem.name
+        texts |= {Path(f"{stem}.py"): derivation.emit(), Path(f"{stem}.tex"): document(derivation)}
+    if not check:
+        write_files(texts)
+        for path in texts:
             click.echo(path)
-            continue
+        return 0
+    differs = False
+    for path, text in texts.items():
         before = path.read_text(encoding="utf-8") if path.is_file() else ""
         if before != text:
             differs = True
@@ -279,12 +288,13 @@ def bench(targets: tuple[str, ...], out: str | None, as_json: bool, quick: bool)
     """Speed against error of every route; exit 1 if a claimed error is below the true one."""
     from importlib.util import find_spec
 
-    from derive.files import write_bytes
     from numerics.bench import REFERENCE_DIGITS, Measurement, diagram, measure, reference_of, routes_of, table
 
     if out is not None and find_spec("matplotlib") is None:
         raise click.UsageError("--out: found no matplotlib, which draws the diagrams; install it, or leave --out away")
     problems = [(derivation.problem.name, derivation.emit()) for derivation in map(derived, targets or bundled_names())]
+    if out is not None:
+        check_folder(Path(out))
     measurements: list[Measurement] = []
     proved = {}
     for name, text in problems:
@@ -292,12 +302,10 @@ def bench(targets: tuple[str, ...], out: str | None, as_json: bool, quick: bool)
         with click.progressbar(routes_of(text, quick), label=name, file=sys.stderr, hidden=not sys.stderr.isatty()) as routes:
             measurements += [measure(name, route, reference) for route in routes]
     plain = {"reference_digits": str(REFERENCE_DIGITS), "reference_certified": proved, "measurements": [one.as_dict() for one in measurements]}
-    click.echo(json.dumps(plain) if as_json else table(measurements, proved))
     if out is not None:
-        write_text(Path(out) / "bench.json", json.dumps(plain, indent=1) + "\n")
-        for name, _ in problems:
-            for kind in ("svg", "png"):
-                write_bytes(Path(out) / f"{name}.{kind}", diagram(name, measurements, kind))
+        diagrams = {Path(out) / f"{name}.{kind}": diagram(name, measurements, kind) for name, _ in problems for kind in ("svg", "png")}
+        write_files({Path(out) / "bench.json": json.dumps(plain, indent=1) + "\n", **diagrams})
+    click.echo(json.dumps(plain) if as_json else table(measurements, proved))
     failed = [f"{one.problem}, {one.route}: {text}" for one in measurements for text in one.failures]
     for text in failed:
         click.echo(f"fredholm: claimed error below the true one: {text}", err=True)
@@ -325,9 +333,9 @@ def full(target: str, state: str, mu: float | None, mu_range: tuple[float, float
         found = solve_state(text, result, state, mu, tolerance)
         click.echo(json.dumps(found.as_dict()) if as_json else found.text())
         return
-    low, high = mu_range  # type: ignore[misc]
+    assert mu_range is not None
     points = []
-    for one in follow_branch(text, result, state, low, high, tolerance):
+    for one in follow_branch(text, result, state, *mu_range, tolerance):
         points.append(one)
         if not as_json:
             click.echo(one.line())
@@ -357,7 +365,6 @@ def simulate(target: str, initial: str, mu: float, until: float, out: str, order
     the peak of the normalised field (for a steady bifurcation u = base + A phi, A real). The paper's scaled amplitude and slow time are A/epsilon^(1/2) and
     epsilon t with mu = epsilon chi. Weak effects are left out (epsilon = 0).
     """
-    from derive.files import write_bytes
     from numerics.motion import Scene
     from numerics.simulation import FORMATS, Sampling, parse_amplitude
     from numerics.simulation import simulate as run
@@ -373,12 +380,13 @@ def simulate(target: str, initial: str, mu: float, until: float, out: str, order
         from numerics.full_simulation import Accuracy, simulate_fields
 
         derivation, result = coefficients_of(target, 15, "auto", False)
+        check_folder(path.parent)
         data = simulate_fields(emit_residual(derivation.problem), derivation.emit(), result, scene, sampling, Accuracy(steps=steps, tolerance=tolerance))
     else:
         data = run(derived(target).emit(), scene, sampling)
     if data.attributes.get("phase_error", 0.0) > 1e-3:
         click.echo(f"fredholm: warning: slow phases at the end are known to {data.attributes['phase_error']:.1g} rad only", err=True)
-    write_bytes(path, data.as_bytes(form))
+    write_files({path: data.as_bytes(form)})
     click.echo(path)
 
 
@@ -389,16 +397,16 @@ def simulate(target: str, initial: str, mu: float, until: float, out: str, order
 @click.option("--only", default=None, help="One figure: growth, mode, bifurcation, transients, approach, decay, spacetime or animation.")
 def figures(target: str, out: str | None, form: str, only: str | None) -> None:
     """Draw the figures of a problem: what does not apply to it is left out, and said."""
-    from derive.files import write_bytes
     from numerics.figures import NAMES
 
     if only is not None and only not in NAMES:
         raise click.UsageError(f"--only: found {only!r}; expected one of {', '.join(NAMES)}")
     derivation = derived(target)
     folder = Path(out) if out else Path(f"{derivation.problem.name}-figures")
-    for name, content in drawn(derivation, form, (only,) if only else NAMES, only is not None):
-        write_bytes(folder / name, content)
-        click.echo(folder / name)
+    files = {folder / name: content for name, content in drawn(derivation, form, (only,) if only else NAMES, only is not None)}
+    write_files(files)
+    for path in files:
+        click.echo(path)
 
 
 def drawn(derivation: Derivation, form: str, names: Sequence[str], strict: bool) -> Iterator[tuple[str, bytes]]:
@@ -423,7 +431,7 @@ def drawn(derivation: Derivation, form: str, names: Sequence[str], strict: bool)
         except EvaluationError as reason:
             if strict:
                 raise
-            click.echo(f"fredholm: {name} is left out: {one_line(reason)}", err=True)
+            click.echo(f"fredholm: {name} is left out: {one_line(str(reason))}", err=True)
 
 
 @main.command()
@@ -435,7 +443,11 @@ def validate(target: str, as_json: bool) -> int:
     from numerics.full_validate import validate as run
 
     derivation, result = coefficients_of(target, 15, "auto", False)
-    say: Callable[[str], None] = lambda text: click.echo(text, err=True) if sys.stderr.isatty() else None  # noqa: E731
+
+    def say(text: str) -> None:
+        if sys.stderr.isatty():
+            click.echo(text, err=True)
+
     found = run(emit_residual(derivation.problem), derivation.emit(), result, say)
     click.echo(json.dumps(found.as_dict()) if as_json else found.text())
     return 0 if found.agrees else 1

@@ -1,9 +1,10 @@
 """The map of the symbolic layer.
 
-statement -> rows over jets           (problem)
+statement -> rows over jets           (problem, formulation)
           -> Taylor rows              (expansion)
           -> first-order operators    (operator; ordinary, without space)
           -> first loss of stability  (onset)
+          -> critical mode            (mode)
           -> adjoint, boundary form   (adjoint)
           -> non-resonant responses   (response)
           -> Fredholm alternative     (solvability)

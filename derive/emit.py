@@ -6,7 +6,7 @@ The text is the only bridge to the numeric layer. It is the same for every PYTHO
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from sympy import Add, Expr, I, Integer, Mul, Pow, Rational, Symbol, pi
@@ -15,18 +15,19 @@ from sympy.functions.elementary.exponential import ExpBase
 from derive.adjoint import Adjoint
 from derive.amplitude import weak_identifier
 from derive.operator import OMEGA, FirstOrderOperator
-from derive.problem import ProblemError
 from derive.response import Operator, Response
+from derive.statement import ProblemError
 from derive.symmetry import amplitude_is_odd
 
 if TYPE_CHECKING:
-    from derive.amplitude import Coefficient
+    from derive.amplitude import Coefficient, Reduction
     from derive.derivation import Derivation
     from derive.onset import Onset
 
 WIDTH = 98
 CLOSE = 1e-3
 FUNCTIONS = {"exp", "sin", "cos", "tan", "sinh", "cosh", "tanh", "log", "asin", "acos", "atan", "asinh", "acosh", "atanh", "erf"}
+RECIPROCALS = {"cot": "tan", "sec": "cos", "csc": "sin", "coth": "tanh", "sech": "cosh", "csch": "sinh"}
 
 
 class Printer:
@@ -47,17 +48,8 @@ class Printer:
                 self.groups.append((response.states, f"response_{response.name}"))
 
     def text(self, expression: Expr) -> str:
-        """Return the expression as Python."""
-        return self.sum(expression)
-
-    def sum(self, expression: Expr) -> str:
-        """Return a sum, terms in a fixed order."""
-        parts = terms_of(expression)
-        pieces = [self.product(term) for term in parts]
-        result = pieces[0]
-        for piece in pieces[1:]:
-            result += f" - {piece[1:]}" if piece.startswith("-") else f" + {piece}"
-        return result
+        """Return the expression as Python, terms in a fixed order."""
+        return signed_sum(self.terms(expression))
 
     def terms(self, expression: Expr) -> list[str]:
         """Return the terms of a sum, each as Python."""
@@ -110,32 +102,29 @@ class Printer:
         if isinstance(expression, Symbol):
             return f"{expression.name}(a)" if expression in self.definitions or expression in self.stages else expression.name
         if isinstance(expression, Add):
-            return f"({self.sum(expression)})"
+            return f"({self.text(expression)})"
         if isinstance(expression, ExpBase) and expression.func.__name__ == "exp":
-            return f"a.exp({self.sum(expression.args[0])})"
+            return f"a.exp({self.text(expression.args[0])})"
         if expression.is_number and str(expression) == "E":
             return "a.exp(1)"
         if isinstance(expression, Pow):
             base, power = expression.base, expression.exp
             if str(base) == "E":
-                return f"a.exp({self.sum(power)})"
+                return f"a.exp({self.text(power)})"
             if power.is_Integer and power > 0:
                 return f"{self.factor(base)}**{power}"
             if power.is_Integer:
                 return f"(a.one/{self.factor(base)}**{-power})" if power != -1 else f"(a.one/{self.factor(base)})"
             if power == Rational(1, 2):
-                return f"a.sqrt({self.sum(base)})"
+                return f"a.sqrt({self.text(base)})"
             if power == Rational(-1, 2):
-                return f"(a.one/a.sqrt({self.sum(base)}))"
-            return f"a.exp({self.factor(power)}*a.log({self.sum(base)}))"
+                return f"(a.one/a.sqrt({self.text(base)}))"
+            return f"a.exp({self.factor(power)}*a.log({self.text(base)}))"
         name = expression.func.__name__
         if name in FUNCTIONS and len(expression.args) == 1:
-            return f"a.{name}({self.sum(expression.args[0])})"
-        if name in {"cot", "sec", "csc", "coth", "sech", "csch"}:
-            from sympy import cos, cosh, sin, sinh, tan, tanh
-
-            inverse = {"cot": tan, "sec": cos, "csc": sin, "coth": tanh, "sech": cosh, "csch": sinh}[name]
-            return f"(a.one/{self.factor(inverse(expression.args[0]))})"
+            return f"a.{name}({self.text(expression.args[0])})"
+        if name in RECIPROCALS:
+            return f"(a.one/a.{RECIPROCALS[name]}({self.text(expression.args[0])}))"
         if isinstance(expression, Mul):
             return f"({self.product(expression)})"
         raise ProblemError(f"equations: found {name}(...) in a coefficient; expected elementary functions: {', '.join(sorted(FUNCTIONS))}, sqrt and powers")
@@ -155,8 +144,8 @@ class Printer:
             lines.append(f"{self.space.name} = a.s")
         for group, name in self.groups:
             if symbols & set(group):
-                names = ", ".join(symbol.name if symbol in symbols else f"_{symbol.name}" for symbol in group)
-                lines.append(f"{names}{',' if len(group) == 1 else ''} = {name}(a)")
+                names = listed(symbol.name if symbol in symbols else f"_{symbol.name}" for symbol in group)
+                lines.append(f"{names} = {name}(a)")
         return lines
 
 
@@ -170,6 +159,11 @@ def terms_of(expression: Expr) -> list[Expr]:
     return list(expression.as_ordered_terms()) if isinstance(expression, Add) else [expression]
 
 
+def signed_sum(terms: Sequence[str]) -> str:
+    """Return terms with their signs between them."""
+    return terms[0] + "".join(f" - {term[1:]}" if term.startswith("-") else f" + {term}" for term in terms[1:])
+
+
 def owns_states(response: Response) -> bool:
     """Tell whether the response defines its states itself (no twin does, and there is something to solve)."""
     return bool(response.states) and all(isinstance(state, Symbol) for state in response.states) and response.states[0].name.startswith(f"w_{response.name}_")
@@ -177,8 +171,7 @@ def owns_states(response: Response) -> bool:
 
 def wrapped(lead: str, terms: Sequence[str], tail: str = "", indent: str = "    ") -> list[str]:
     """Return `lead` sum `tail` as lines of at most 100 columns, one term a line where it does not fit on one."""
-    joined = terms[0] + "".join(f" - {term[1:]}" if term.startswith("-") else f" + {term}" for term in terms[1:])
-    line = f"{indent}{lead}{joined}{tail}"
+    line = f"{indent}{lead}{signed_sum(terms)}{tail}"
     if len(line) <= WIDTH:
         return [line]
     lines = [f"{indent}{lead}("]
@@ -213,7 +206,7 @@ def matrix_lines(name: str, rows: Sequence[Sequence[Expr]], printer: Printer) ->
     lines = [f"        {name}=("]
     for row in rows:
         entries = [printer.text(entry) for entry in row]
-        line = f"            ({', '.join(entries)}{',' if len(entries) == 1 else ''}),"
+        line = f"            ({listed(entries)}),"
         if len(line) <= WIDTH:
             lines.append(line)
             continue
@@ -263,8 +256,7 @@ def pencil_lines(weight: int, operator: Operator, printer: Printer) -> list[str]
     lines[lines.index("@stage"):lines.index(f"def {name}(a):") + 1] = [f"def {name}(a, lam):"]
     lines += ["", "", f"def divisors_{weight}(a, lam):", f'    """What was divided by: eigenvalues where one of these vanishes may be missing from `{name}`."""']
     lines += [f"    {line}" for line in printer.bindings(divisors)]
-    entries = [printer.text(entry) for entry in divisors]
-    return [*lines, f"    return ({', '.join(entries)}{',' if len(entries) == 1 else ''})"]
+    return [*lines, f"    return ({listed(map(printer.text, divisors))})"]
 
 
 def read(side: str, expression: Expr, printer: Printer, derivation: Derivation) -> str:
@@ -300,65 +292,13 @@ def emit(derivation: Derivation) -> str:
     -----
     Source: label ``coefficients integrals`` of the paper.
     """
-    reduction, formulation = derivation.reduction, derivation.expansion.formulation
+    reduction = derivation.reduction
     printer = Printer(derivation)
-    onset = derivation.onset
-    spatial = formulation.interval is not None
-    frequency = "None" if onset.frequency is None else f'"{onset.frequency:.6g}"'
-    names = [(one.name, one.monomial, one.identifier) for one in reduction.coefficients]
-    lines = [
-        f'"""Amplitude equation of {derivation.problem.name}. Emitted by `fredholm derive`; do not edit."""',
-        "", "from numerics.algebra import Operator, stage", "",
-        f"NAME = {quoted(derivation.problem.name)}", f'KIND = "{onset.kind}"', f"MULTIPLICITY = {2 if reduction.vector else 1}",
-        f"SPATIAL = {spatial}", f'CONTROL = "{formulation.control.name}"',
-        f'CONTROL_RANGE = ("{float(formulation.control_range[0])!r}", "{float(formulation.control_range[1])!r}")',
-        f'ONSET = ("{onset.control:.8g}", {frequency})',
-        f'NEIGHBOUR = "{max((value.real for value in onset.other_eigenvalues), default=0.0):.1e}"  # the growth rate of the next mode there, roughly', "COEFFICIENTS = (",
-    ]
-    lines += [f'    ({quoted(name)}, "{monomial}", "{identifier}"),' for name, monomial, identifier in names]
-    lines += [")"]
-    lines += [f'QUADRATIC = ({quoted(reduction.quadratic.name)}, "A**2", "coefficient_A2")' if reduction.quadratic is not None else "QUADRATIC = None"]
-    if reduction.quadratic is not None:
-        lines += [f"ODD = {amplitude_is_odd(derivation.expansion)}  # a symmetry of the equations changes the sign of A"]
-    lines += ["MIRROR = ("] + [f'    ("{identifier}", "mirror_{identifier.removeprefix("coefficient_")}"),' for identifier, _ in reduction.mirror] + [")"]
-    weak_names = {(weak.row, weak.column): weak_identifier(weak) for weak in reduction.weak}
-    weak_titles = derivation.problem.coefficient_names
-    if weak_names:
-        lines += ["WEAK = ("] + [f'    ("{name}", {row}, {column}),' for (row, column), name in weak_names.items()] + [")"]
-        titles = {text: title for text, title in weak_titles.items() if text.startswith("epsilon")}
-        lines += ["WEAK_NAMES = {"] + [f'    "{text}": {quoted(titles[text])},' for text in sorted(titles)] + ["}"]
-    else:
-        lines += ["WEAK = ()"]
-    lines += parameter_lines(derivation)
-    close = nearly_critical(onset)
-    if close:
-        lines += ["NEAR_CRITICAL = ("] + [f'    ("{value}", "{distance}"),' for value, distance in close] + [")"]
-    ends = ", ".join(printer.text(end) for end in formulation.interval) if formulation.interval else ""
-    lines += ["", "", "def interval(a):", '    """Return the ends of the interval."""', f"    return ({ends})"] if spatial else []
-    lines += ["", "", "def parameters(a):", '    """Return the values of the parameters."""', "    return {"]
-    lines += [f'        "{symbol.name}": {printer.text(value)},' for symbol, value in formulation.parameters.items()]
-    lines += ["    }"]
-
-    critical = reduction.mode.operator
-    lines += operator_lines("critical", critical, printer, "The linear problem at the threshold: y' = P y with its boundary rows." if spatial else "The linear problem at the threshold: M y = 0.")
-    place = f", {printer.text(formulation.place)}" if spatial else ""
-    row = ", ".join(printer.text(entry) for entry in reduction.mode.normalisation)
-    single = "," if len(reduction.mode.normalisation) == 1 else ""
-    lines += ["", "", "@stage", "def mode(a):", f'    """The critical mode: {", ".join(symbol.name for symbol in reduction.mode.phi)}."""']
-    lines += [f"    {line}" for line in printer.bindings(reduction.mode.normalisation)]
-    lines += [f"    return a.kernel(critical(a), ({row}{single}){place})"]
-    lines += ["", "", "@stage", "def mode_bar(a):", '    """The reflected mode: conjugate coefficients, so that integrands stay analytic."""', "    return tuple(a.reflect(one) for one in mode(a))"]
-    if reduction.solvability.adjoint is not None:
-        lines += operator_lines("adjoint", reduction.solvability.adjoint, printer, "The adjoint problem: z' = -P^T z with the adjoint boundary rows.")
-        lines += ["", "", "@stage", "def adjoint_mode(a):", f'    """The adjoint mode: {", ".join(symbol.name for symbol in reduction.solvability.zeta)}."""', "    return a.kernel(adjoint(a))"]
-    else:
-        lines += ["", "", "@stage", "def adjoint_mode(a):", f'    """The left null vector: {", ".join(symbol.name for symbol in reduction.solvability.zeta)}."""', "    return a.left_kernel(critical(a))"]
-    pencils = {weight: operator for weight, operator in derivation.operators.items() if weight >= 0}
+    pencils = {weight: operator for weight, operator in sorted(derivation.operators.items()) if weight >= 0}
     if not all(is_constant(operator, derivation) for operator in pencils.values()):
         pencils = {}  # a count of some of the eigenvalues would prove nothing
-    lines[lines.index("WEAK = ()" if not weak_names else "WEAK = ("):0] = [
-        "PENCILS = (" + "".join(f'({weight}, "pencil_{weight}"), ' for weight in sorted(pencils)).rstrip(" ") + ")"]
-    for weight, operator in sorted(pencils.items()):
+    lines = [*name_lines(derivation, tuple(pencils)), *value_lines(derivation, printer), *mode_lines(derivation, printer)]
+    for weight, operator in pencils.items():
         lines += pencil_lines(weight, operator, printer)
     for name, operator in reduction.operators.items():
         if name != "critical":
@@ -370,21 +310,103 @@ def emit(derivation: Derivation) -> str:
         lines += ["", "", "@stage", f"def {definition.symbol.name}(a):"]
         lines += [f"    {line}" for line in printer.bindings((definition.expression,))]
         lines += wrapped("return ", printer.terms(definition.expression))
-    lines += integral_lines("xi", reduction.xi, derivation, printer, None)
-    for one in reduction.coefficients:
-        lines += integral_lines(one.identifier, one, derivation, printer, "xi")
-    if reduction.quadratic is not None:
-        lines += integral_lines("coefficient_A2", reduction.quadratic, derivation, printer, "xi")
-    if reduction.mirror_xi is not None:
-        lines += integral_lines("mirror_xi", reduction.mirror_xi, derivation, printer, None)
-    for identifier, one in reduction.mirror:
-        lines += integral_lines(f"mirror_{identifier.removeprefix('coefficient_')}", one, derivation, printer, "mirror_xi")
-    for weak in reduction.weak:
-        lines += integral_lines(weak_names[weak.row, weak.column], weak.coefficient, derivation, printer, "xi" if weak.row == 0 else "mirror_xi")
+    for name, one, over in integrals_of(reduction):
+        lines += integral_lines(name, one, derivation, printer, over)
     lines += fields_lines(derivation, printer)
     lines += consistency_lines("consistency", "What redundant equations demand at mu A, epsilon A and A**2: each must vanish.", reduction.linear_spare, derivation, printer)
     lines += consistency_lines("consistency_cubic", "What redundant equations demand of the responses and at third order: each must vanish.", reduction.spare, derivation, printer)
     return "\n".join([*lines, ""])
+
+
+def integrals_of(reduction: Reduction) -> Iterator[tuple[str, Coefficient, str | None]]:
+    """Yield (name, integral, the integral it is divided by)."""
+    yield "xi", reduction.xi, None
+    for one in reduction.coefficients:
+        yield one.identifier, one, "xi"
+    if reduction.quadratic is not None:
+        yield "coefficient_A2", reduction.quadratic, "xi"
+    if reduction.mirror_xi is not None:
+        yield "mirror_xi", reduction.mirror_xi, None
+    for identifier, one in reduction.mirror:
+        yield mirror_name(identifier), one, "mirror_xi"
+    for weak in reduction.weak:
+        yield weak_identifier(weak), weak.coefficient, "xi" if weak.row == 0 else "mirror_xi"
+
+
+def mirror_name(identifier: str) -> str:
+    """Return the name of the integral of the other circular component."""
+    return f"mirror_{identifier.removeprefix('coefficient_')}"
+
+
+def table(name: str, entries: Iterable[str], brackets: str = "()") -> list[str]:
+    """Return an assignment of a tuple or a dictionary, one entry a line."""
+    return [f"{name} = {brackets[0]}", *(f"    {entry}," for entry in entries), brackets[1]]
+
+
+def name_lines(derivation: Derivation, pencils: Sequence[int]) -> list[str]:
+    """Return the header: what the problem is called, where it loses stability, and the names of what follows."""
+    reduction, formulation, onset = derivation.reduction, derivation.expansion.formulation, derivation.onset
+    frequency = "None" if onset.frequency is None else f'"{onset.frequency:.6g}"'
+    lines = [
+        f'"""Amplitude equation of {derivation.problem.name}. Emitted by `fredholm derive`; do not edit."""',
+        "", "from numerics.algebra import Operator, stage", "",
+        f"NAME = {quoted(derivation.problem.name)}", f'KIND = "{onset.kind}"', f"MULTIPLICITY = {2 if reduction.vector else 1}",
+        f"SPATIAL = {formulation.interval is not None}", f'CONTROL = "{formulation.control.name}"',
+        f'CONTROL_RANGE = ("{float(formulation.control_range[0])!r}", "{float(formulation.control_range[1])!r}")',
+        f'ONSET = ("{onset.control:.8g}", {frequency})',
+        f'NEIGHBOUR = "{max((value.real for value in onset.other_eigenvalues), default=0.0):.1e}"  # the growth rate of the next mode there, roughly',
+        *table("COEFFICIENTS", (f'({quoted(one.name)}, "{one.monomial}", "{one.identifier}")' for one in reduction.coefficients)),
+    ]
+    if reduction.quadratic is None:
+        lines.append("QUADRATIC = None")
+    else:
+        lines += [f'QUADRATIC = ({quoted(reduction.quadratic.name)}, "A**2", "coefficient_A2")', f"ODD = {amplitude_is_odd(derivation.expansion)}  # a symmetry of the equations changes the sign of A"]
+    lines += table("MIRROR", (f'("{identifier}", "{mirror_name(identifier)}")' for identifier, _ in reduction.mirror))
+    lines.append("PENCILS = (" + " ".join(f'({weight}, "pencil_{weight}"),' for weight in pencils) + ")")
+    if reduction.weak:
+        lines += table("WEAK", (f'("{weak_identifier(weak)}", {weak.row}, {weak.column})' for weak in reduction.weak))
+        titles = {text: title for text, title in derivation.problem.coefficient_names.items() if text.startswith("epsilon")}
+        lines += table("WEAK_NAMES", (f'"{text}": {quoted(titles[text])}' for text in sorted(titles)), "{}")
+    else:
+        lines.append("WEAK = ()")
+    lines += parameter_lines(derivation)
+    close = nearly_critical(onset)
+    return lines + (table("NEAR_CRITICAL", (f'("{value}", "{distance}")' for value, distance in close)) if close else [])
+
+
+def value_lines(derivation: Derivation, printer: Printer) -> list[str]:
+    """Return the functions that give the interval and the values of the parameters."""
+    formulation = derivation.expansion.formulation
+    lines = []
+    if formulation.interval is not None:
+        lines += ["", "", "def interval(a):", '    """Return the ends of the interval."""', f"    return ({', '.join(map(printer.text, formulation.interval))})"]
+    lines += ["", "", "def parameters(a):", '    """Return the values of the parameters."""', "    return {"]
+    return [*lines, *(f'        "{symbol.name}": {printer.text(value)},' for symbol, value in formulation.parameters.items()), "    }"]
+
+
+def mode_lines(derivation: Derivation, printer: Printer) -> list[str]:
+    """Return the linear problem at the threshold with its mode, and the adjoint problem with its own."""
+    mode, solvability, place = derivation.reduction.mode, derivation.reduction.solvability, derivation.expansion.formulation.place
+    title = "M y = 0." if place is None else "y' = P y with its boundary rows."
+    lines = operator_lines("critical", mode.operator, printer, f"The linear problem at the threshold: {title}")
+    lines += ["", "", "@stage", "def mode(a):", f'    """The critical mode: {named(mode.phi)}."""', *(f"    {line}" for line in printer.bindings(mode.normalisation))]
+    lines += [f"    return a.kernel(critical(a), ({listed(map(printer.text, mode.normalisation))}){'' if place is None else f', {printer.text(place)}'})"]
+    lines += ["", "", "@stage", "def mode_bar(a):", '    """The reflected mode: conjugate coefficients, so that integrands stay analytic."""', "    return tuple(a.reflect(one) for one in mode(a))"]
+    if solvability.adjoint is None:
+        return [*lines, "", "", "@stage", "def adjoint_mode(a):", f'    """The left null vector: {named(solvability.zeta)}."""', "    return a.left_kernel(critical(a))"]
+    lines += operator_lines("adjoint", solvability.adjoint, printer, "The adjoint problem: z' = -P^T z with the adjoint boundary rows.")
+    return [*lines, "", "", "@stage", "def adjoint_mode(a):", f'    """The adjoint mode: {named(solvability.zeta)}."""', "    return a.kernel(adjoint(a))"]
+
+
+def named(symbols: Iterable[Symbol]) -> str:
+    """Return the names of symbols."""
+    return ", ".join(symbol.name for symbol in symbols)
+
+
+def listed(entries: Iterable[str]) -> str:
+    """Return what stands in the parentheses of a tuple: one entry has a comma too."""
+    texts = list(entries)
+    return f"{texts[0]}," if len(texts) == 1 else ", ".join(texts)
 
 
 def parameter_lines(derivation: Derivation) -> list[str]:
@@ -396,21 +418,20 @@ def parameter_lines(derivation: Derivation) -> list[str]:
     held = sorted(users.get(symbol, symbol.name) for symbol in formulation.probe.held)
     lines = []
     if renamed:
-        lines += ["PARAMETER_NAMES = {"] + [f'    "{name}": {quoted(title)},' for name, title in renamed.items()] + ["}"]
+        lines += table("PARAMETER_NAMES", (f'"{name}": {quoted(title)}' for name, title in renamed.items()), "{}")
     if zeros:
-        lines += ["PARAMETERS_ZERO = ("] + [f"    {quoted(name)}," for name in zeros] + [")"]
+        lines += table("PARAMETERS_ZERO", map(quoted, zeros))
     if held:
-        lines += ["PARAMETERS_FIXED = ("] + [f"    {quoted(name)}," for name in held] + [")"]
+        lines += table("PARAMETERS_FIXED", map(quoted, held))
     return lines
 
 
 def fields_lines(derivation: Derivation, printer: Printer) -> list[str]:
     """Return how the fields of the statement follow from the amplitudes: base state, mode and second-order responses."""
     reduction, formulation = derivation.reduction, derivation.expansion.formulation
-    names = [amplitude.name for amplitude in reduction.amplitudes]
-    lines = ["", "", f"AMPLITUDES = ({', '.join(map(quoted, names))}{',' if len(names) == 1 else ''})", "UNKNOWNS = ("]
-    lines += [f'    ({quoted(unknown.latex)}, "{unknown.component}"),' for unknown in formulation.unknowns]
-    lines += [")", f"NORMALISED = {quoted(formulation.unknowns[formulation.normalised[0]].latex)}"]
+    lines = ["", "", f"AMPLITUDES = ({listed(quoted(amplitude.name) for amplitude in reduction.amplitudes)})"]
+    lines += table("UNKNOWNS", (f'({quoted(unknown.latex)}, "{unknown.component}")' for unknown in formulation.unknowns))
+    lines += [f"NORMALISED = {quoted(formulation.unknowns[formulation.normalised[0]].latex)}"]
     if formulation.frame is not None:
         lines += ["", "", "def frame(a):", '    """Return e1, e2 and the rotation axis."""', "    return ("]
         lines += [f"        ({', '.join(printer.text(entry) for entry in vector)})," for vector in formulation.frame] + ["    )"]
@@ -465,7 +486,7 @@ def consistency_lines(name: str, title: str, spare: Sequence[tuple[str, str, Exp
 
 def response_lines(response: Response, derivation: Derivation, printer: Printer) -> list[str]:
     """Return the function of one response: nested quadratures where they solve it, else a linear problem."""
-    lines = ["", "", "@stage", f"def response_{response.name}(a):", f'    """Response to {response.name.replace("_", " ")} (harmonic {response.harmonic}): {", ".join(state.name for state in response.states)}."""']
+    lines = ["", "", "@stage", f"def response_{response.name}(a):", f'    """Response to {response.name.replace("_", " ")} (harmonic {response.harmonic}): {named(response.states)}."""']
     groups = printer.groups
     own = (response.states, f"response_{response.name}")
     printer.groups = [group for group in groups if group != own]
@@ -486,21 +507,17 @@ def response_lines(response: Response, derivation: Derivation, printer: Printer)
             sign = "" if side == "left" else "-"
             lead = f"{name} = {start}{' + ' if side == 'left' else ' - '}" if start else f"{name} = {sign}"
             lines += wrapped(f"{lead}{integral}(", printer.terms(slope), ")")
-        names = ", ".join(state.name for state in response.states)
-        return [*lines, f"    return {names}{',' if len(response.states) == 1 else ''}"]
+        return [*lines, f"    return {listed(state.name for state in response.states)}"]
     method = "solve_singular" if response.singular else "solve"
     lines += [f"    return a.{method}(", f"        {response.operator_name}(a),", "        forcing=("]
     for entry in response.forcing:
-        body = wrapped("", printer.terms(entry), ",", indent="            ")
-        lines += body
+        lines += wrapped("", printer.terms(entry), ",", indent="            ")
     lines += ["        ),"]
     if isinstance(response.operator, FirstOrderOperator):
         for side, data in (("left", response.left), ("right", response.right)):
-            entries = ", ".join(read(side, entry, printer, derivation) for entry in data)
-            lines += [f"        {side}=({entries}{',' if len(data) == 1 else ''}),"]
+            lines += [f"        {side}=({listed(read(side, entry, printer, derivation) for entry in data)}),"]
     if response.singular:
-        row = ", ".join(printer.text(entry) for entry in normal)
-        lines += [f"        row=({row}{',' if len(normal) == 1 else ''}),"]
+        lines += [f"        row=({listed(map(printer.text, normal))}),"]
         if derivation.expansion.formulation.place is not None:
             lines += [f"        place={printer.text(derivation.expansion.formulation.place)},"]
     return [*lines, "    )"]

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 from math import factorial
 from typing import Any
 
-from sympy import Add, Expr, I, Integer, Mul, Rational, Symbol, nan, oo, zoo
+from sympy import Add, Expr, I, Integer, Matrix, Mul, Rational, Symbol, nan, oo, zoo
 
 from derive.expand import expand
-from derive.problem import Formulation, Jet, ProblemError, RawRow, base_jets
+from derive.formulation import Formulation, Jet, RawRow, base_jets
+from derive.statement import ProblemError
 
 ORDER = 3
 
@@ -53,6 +54,11 @@ class Expansion:
     rows: tuple[TaylorRow, ...]
     ends: tuple[tuple[TaylorRow, ...], ...]
     weights: tuple[int, ...]  # the weights of rows that occur: (0,), or a part of (1, -1, 0)
+
+    @property
+    def groups(self) -> tuple[tuple[str, tuple[TaylorRow, ...]], ...]:
+        """Return (kind, rows): "row" for the interior, "left" and "right" for the ends."""
+        return (("row", self.rows), *zip(("left", "right"), self.ends, strict=False))
 
 
 def expand_about_base(formulation: Formulation) -> Expansion:
@@ -250,8 +256,6 @@ def independent_rows(rows: list[TaylorRow], formulation: Formulation) -> list[Ta
 
 def rebuilt(pieces: list[TaylorRow], rows: list[TaylorRow], formulation: Formulation) -> list[TaylorRow]:
     """Return the independent pieces with the weak parts that belong to them: each piece is a combination of whole rows."""
-    from sympy import Matrix
-
     keys = sorted({key for row in rows for key in row.terms})
     system = Matrix([[row.terms.get(key, Integer(0)) for row in rows] for key in keys])
     result = []

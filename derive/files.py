@@ -1,35 +1,59 @@
-"""Files are written beside and renamed into place, so that a full disk or an interruption loses nothing."""
+"""Files are written beside and renamed into place, all or none, so that a full disk or an interruption loses nothing."""
 
 from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 
 
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file whole, or leave what was there; an OSError names the file that was asked for."""
+def write_files(contents: Mapping[Path, str | bytes]) -> None:
+    """Write all files whole, or leave all that was there; an OSError names the file that was asked for."""
+    made: list[tuple[str, Path]] = []
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".")
+        for path, content in contents.items():
+            handle, name = new_file(path.parent, path)
+            made.append((name, path))
+            write_whole(handle, content.encode("utf-8") if isinstance(content, str) else content, path)
+        for path in contents:
+            if path.is_dir():
+                raise IsADirectoryError(None, "found a folder where a file was expected", str(path))
+        for name, path in made:
+            os.replace(name, path)
+    except BaseException:
+        for name, _ in made:
+            Path(name).unlink(missing_ok=True)
+        raise
+
+
+def check_folder(folder: Path) -> None:
+    """Make a folder, or refuse one that cannot be written to, before any work is done for it."""
+    handle, name = new_file(folder, folder)
+    os.close(handle)
+    os.unlink(name)
+
+
+def new_file(folder: Path, asked: Path) -> tuple[int, str]:
+    """Return handle and name of a new file in a folder, which is made; an OSError names what was asked for."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        return tempfile.mkstemp(dir=folder, prefix=".")
     except FileExistsError as mistake:
         raise NotADirectoryError(mistake.errno, "found a file where a folder was expected", mistake.filename) from None
     except OSError as mistake:
-        raise OSError(mistake.errno, mistake.strerror, str(path)) from None
+        raise OSError(mistake.errno, mistake.strerror, str(asked)) from None
+
+
+def write_whole(handle: int, content: bytes, asked: Path) -> None:
+    """Write a new file to the disk, with the permissions of any other new file."""
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(content)
             file.flush()
-            os.fsync(file.fileno())
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(name, 0o666 & ~mask)
-        os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
-
-
-def write_text(path: Path, content: str) -> None:
-    """Write a text file whole, or leave what was there."""
-    write_bytes(path, content.encode("utf-8"))
+            os.fsync(handle)
+            mask = os.umask(0)
+            os.umask(mask)
+            os.fchmod(handle, 0o666 & ~mask)
+    except OSError as mistake:
+        raise OSError(mistake.errno, mistake.strerror, str(asked)) from None

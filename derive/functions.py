@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from sympy import Add, Expr, I, Integer, Mul, Symbol
 
 from derive.expand import expand
+from derive.statement import ordered_symbols
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +37,7 @@ class Functions:
         """Return the space derivative of an expression over named functions."""
         for _ in range(order):
             total = expression.diff(self.space) if self.space in expression.free_symbols else Integer(0)
-            for symbol in sorted(expression.free_symbols, key=lambda item: item.name):  # type: ignore[attr-defined]
+            for symbol in ordered_symbols(expression):
                 if self.slopes.get(symbol, Integer(0)) != 0:
                     total += expression.diff(symbol) * self.slopes[symbol]
             expression = total

@@ -15,7 +15,7 @@ from sympy import latex as sympy_latex
 
 from derive.expand import expand
 from derive.operator import LAMBDA, OMEGA
-from derive.problem import ProblemError
+from derive.statement import ProblemError, ordered_symbols
 from derive.two_times import Factor, Term
 from derive.vectors import Product, written
 
@@ -52,6 +52,14 @@ def joined(terms: Sequence[str], width: int = 4) -> str:
         return "0"
     lines = [" ".join(terms[start:start + width]) for start in range(0, len(terms), width)]
     return " \\\\\n&\\quad ".join(lines)
+
+
+def array(rows: Sequence[Sequence[str]]) -> str:
+    """Return a matrix."""
+    if not rows:
+        return r"\left(\,\right)"
+    body = r" \\ ".join(" & ".join(row) for row in rows)
+    return rf"\left(\begin{{array}}{{{'c' * len(rows[0])}}} {body} \end{{array}}\right)"
 
 
 class Notation:
@@ -143,7 +151,7 @@ class Notation:
     def inlined(self, expression: Expr) -> Expr:
         """Return the expression with named intermediate functions written out; responses keep their names."""
         while True:
-            found = sorted((symbol for symbol in expression.free_symbols if symbol in self.definitions), key=lambda symbol: symbol.name)  # type: ignore[attr-defined]
+            found = [symbol for symbol in ordered_symbols(expression) if symbol in self.definitions]
             if not found:
                 return expression.expand()
             expression = expression.xreplace({symbol: self.definitions[symbol].expression for symbol in found})
@@ -169,6 +177,18 @@ class Notation:
             expression = expand(expression.xreplace({OMEGA: -I * I_OMEGA}))
         parts = expression.as_ordered_terms() if isinstance(expression, Add) else [expression]
         return added(self.product(part, "", threshold) for part in parts) if expression != 0 else []
+
+    def combination(self, coefficients: Sequence[Expr], symbols: Sequence[Expr]) -> list[str]:
+        """Return a linear form term by term."""
+        return added(self.product(c, self.text(symbol)) for c, symbol in zip(coefficients, symbols, strict=True) if c != 0)
+
+    def matrix(self, rows: Sequence[Sequence[Expr]]) -> str:
+        """Return a matrix of expressions."""
+        return array([[self.text(entry) for entry in row] for row in rows])
+
+    def at(self, place: str) -> str:
+        """Return where a boundary row holds."""
+        return rf" \quad \text{{at}} \quad {self.space} = {place}"
 
     def factor(self, factor: Factor) -> str:
         """Return a derivative of the field of one order (of its whole vector)."""

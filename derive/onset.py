@@ -1,40 +1,27 @@
-r"""The first loss of stability, to the accuracy of a double: kind, weight, control and frequency.
+"""The first loss of stability, to the accuracy of a double: kind, weight, control and frequency.
 
-The eigenvalue problem :math:`y' = P(s;\lambda) y` with its boundary rows is discretised in integrated form (the unknowns are
-the slopes at Chebyshev nodes and the state at the left end), which does not lose digits with the number of nodes. Infinite
-eigenvalues are removed by keeping only the equations that hold lambda. What is found here fixes the *form* of the derivation;
-the digits come from `numerics.threshold`.
+What is found here fixes the *form* of the derivation; the digits come from `numerics.threshold`.
 """
 
 from __future__ import annotations
 
-import contextlib
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from sympy import Expr, Function, I, Integer, Matrix, Rational, Symbol, fraction, lambdify, lcm, together
+from sympy import Symbol
 from threadpoolctl import threadpool_limits
 
-from derive.expand import coefficients_in, expand
 from derive.expansion import Expansion
-from derive.operator import LAMBDA, FirstOrderOperator
+from derive.formulation import Formulation
+from derive.operator import FirstOrderOperator
 from derive.ordinary import AlgebraicOperator
-from derive.problem import DerivationError, Formulation, ProblemError
+from derive.pencil import Mesh, Pencil, compiled
+from derive.statement import DerivationError, ProblemError
 
 SCAN = 61
-NODES = (28, 44, 72, 120, 200)
-PANEL_NODES = (8, 12, 16)
-MOST_PANELS = 64
-RESOLVED = 1e-8
-BETWEEN = 32
-"""places between the nodes, for each node, where a polynomial is compared with its function"""
-GROWTH = 8.0
 AXIS = 1e-6
-SHIFT = 0.6180339887498949
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,313 +38,6 @@ class Onset:
     other_eigenvalues: tuple[complex, ...]  # of those that stay stable the rightmost and the smallest
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mesh:
-    """Panels between `breaks` (shares of the interval, from 0 to 1) with so many Chebyshev nodes each."""
-
-    breaks: tuple[float, ...]
-    nodes: int
-
-    @property
-    def size(self) -> int:
-        """Return the number of all nodes."""
-        return (len(self.breaks) - 1) * self.nodes
-
-    def integration(self, left: float, right: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the nodes and the matrix of integrals from the left end to each node and, last, to the right end."""
-        points, cumulative = integration(self.nodes)
-        places, total = np.empty(self.size), np.zeros((self.size + 1, self.size))
-        for k, (low, high) in enumerate(zip(self.breaks, self.breaks[1:], strict=False)):
-            half, own = (right - left) * (high - low) / 2, slice(k * self.nodes, (k + 1) * self.nodes)
-            places[own] = left + (right - left) * low + half * (points + 1)
-            total[own, own] = half * cumulative[:-1]
-            total[own.stop:, own] = half * cumulative[-1]
-        return places, total
-
-
-class Pencil:
-    """The coefficients of lambda^k in one weight's equations, as NumPy functions of (s, control)."""
-
-    def __init__(self, operator: FirstOrderOperator | AlgebraicOperator, formulation: Formulation) -> None:
-        self.spatial = isinstance(operator, FirstOrderOperator)
-        self.interval = tuple(float(end) for end in formulation.interval) if formulation.interval else (0.0, 0.0)
-        self.size = operator.size
-        self.formulation = formulation
-        if isinstance(operator, FirstOrderOperator):
-            rows = [[*row, None] for row in operator.matrix]
-            polynomials = [polynomial_row([*row[:-1]], True, formulation.control) for row in rows]
-            ends = [polynomial_row(list(row), False, formulation.control) for row in operator.left.matrix], [polynomial_row(list(row), False, formulation.control) for row in operator.right.matrix]
-            self.counts = (len(ends[0]), len(ends[1]))
-            table = polynomials + ends[0] + ends[1]
-        else:
-            table = [polynomial_row(list(row), False, formulation.control) for row in operator.matrix]
-            self.counts = (0, 0)
-        self.finite = None if isinstance(operator, FirstOrderOperator) else finite_eigenvalues(operator, formulation)
-        self.degree = max((len(entry) - 1 for row in table for entry in row), default=0)
-        flat = [entry[k] if k < len(entry) else 0 for row in table for entry in row for k in range(self.degree + 1)]
-        self.width = [len(row) for row in table]
-        values = {symbol: value for symbol, value in formulation.parameters.items()}
-        arguments = (formulation.space, formulation.control)
-        divisors = operator.divisors if isinstance(operator, FirstOrderOperator) else ()
-        self.poles = [compiled(arguments, [entry.subs(values) for entry in in_lambda(pole)]) for pole in divisors]
-        self.constant = not any(isinstance(entry, Expr) and formulation.control in entry.free_symbols for entry in flat)
-        exacts = [entry.subs(values) if isinstance(entry, Expr) else entry for entry in flat]
-        self.entries: Callable[..., Sequence[Any]] = compiled(arguments, exacts)
-
-    def pointwise(self, control: float) -> NDArray[np.complex128]:
-        """Return the continuous spectrum, at a few points of the interval: where the elimination divides by zero."""
-        left, right = self.interval
-        found = []
-        for place in np.linspace(left, right, 9):
-            for pole in self.poles:
-                coefficients = [complex(one) for one in pole(place, control)]
-                found.append(np.roots(coefficients[::-1]))
-        return np.concatenate(found) if found else np.zeros(0, dtype=complex)
-
-    def table(self, s: NDArray[np.float64] | float, control: float) -> list[list[list[NDArray[np.complex128]]]]:
-        """Return [row][column][power of lambda] at the nodes `s`."""
-        values = self.evaluated(s, control + 0j)
-        if not np.isfinite(values).all() and self.spatial:  # exp(1000 s)/(1 + exp(1000 s)) is in the range of a long double
-            values = self.evaluated(np.asarray(s, dtype=np.longdouble), np.clongdouble(control))
-        if not np.isfinite(values).all():
-            raise FloatingPointError
-        iterator = iter(values)
-        return [[[next(iterator) for _ in range(self.degree + 1)] for _ in range(width)] for width in self.width]
-
-    def evaluated(self, s: Any, control: Any) -> NDArray[np.complex128]:
-        """Return all entries at the places `s`, in their precision; what is not finite is left to the caller."""
-        with np.errstate(all="ignore"), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            try:
-                found = self.entries(s, control)
-            except ZeroDivisionError as singular:
-                raise FloatingPointError from singular
-            values = np.empty((len(found), *np.shape(s)), dtype=complex)
-            for k, value in enumerate(found):
-                values[k] = value
-        return values
-
-    def ladder(self, control: float) -> tuple[Mesh, ...]:
-        """Return meshes of growing resolution: the whole interval, or panels where a coefficient has layers; at last panels graded towards both ends."""
-        low, high = (float(end) for end in self.formulation.control_range)
-        found = set(self.panels(control))
-        with contextlib.suppress(FloatingPointError):  # a layer may be in what the control multiplies, and not be there at 0
-            found |= set(self.panels(low + SHIFT * (high - low)))
-        breaks = tuple(sorted(found))
-        first = tuple(Mesh(breaks=breaks, nodes=nodes) for nodes in (NODES if len(breaks) == 2 else PANEL_NODES))
-        dyadic = [2.0**-k for k in range(10, 0, -1)]
-        graded = tuple(sorted({*breaks, *dyadic, *(1 - x for x in dyadic)}))
-        return (*first, *(Mesh(breaks=graded, nodes=nodes) for nodes in PANEL_NODES[:2]))
-
-    def panels(self, control: float) -> tuple[float, ...]:
-        """Return the breaks of panels on which every coefficient is resolved."""
-        left, right = self.interval
-        if self.tail(control, left, right, NODES[2]) <= RESOLVED:
-            return (0.0, 1.0)
-        done, pending = [0.0], [(0.5, 1.0), (0.0, 0.5)]
-        while pending:
-            low, high = pending.pop()
-            ends = left + (right - left) * low, left + (right - left) * high
-            if high - low > 2.0**-16 and len(done) + len(pending) < MOST_PANELS and self.tail(control, *ends, PANEL_NODES[-1]) > RESOLVED:
-                pending += [((low + high) / 2, high), (low, (low + high) / 2)]
-            else:
-                done.append(high)
-        return tuple(done)
-
-    def tail(self, control: float, left: float, right: float, nodes: int) -> float:
-        """Return what the entries on a panel leave of their Chebyshev polynomials, in the last coefficients and between the nodes, relative to their largest values."""
-        points, _ = integration(nodes)
-        between = np.linspace(-1.0, 1.0, BETWEEN * nodes)
-        transform = np.polynomial.chebyshev.chebvander(points, nodes - 1).T * (2.0 / nodes)
-        transform[0] /= 2
-        every = self.table(left + (right - left) * (np.concatenate([points, between]) + 1) / 2, control)
-        varying = np.array([entry for row in every for line in row for entry in line if np.any(entry != entry[0])]).reshape(-1, len(points) + len(between)).T
-        if not varying.size:
-            return 0.0
-        coefficients = transform @ varying[:nodes]
-        apart = np.polynomial.chebyshev.chebvander(between, nodes - 1) @ coefficients - varying[nodes:]
-        return float((np.abs(np.concatenate([coefficients[-3:], apart])).max(axis=0) / np.abs(varying).max(axis=0)).max())
-
-    def matrices(self, control: float, mesh: Mesh | None) -> list[NDArray[Any]]:
-        """Return the matrices K_0, K_1, ... of the discretised problem sum_k lambda^k K_k v = 0; `mesh` is None without space.
-
-        Where the coefficients make all solutions grow (or decay) by a large factor e^g, the unknown is y exp(-int sigma), sigma = tr P / n:
-        the eigenvalues are the same, and rounding is not amplified by that factor.
-        """
-        n = self.size
-        if mesh is None:
-            table = self.table(0.0, control)
-            return [np.array([[table[i][j][k] for j in range(n)] for i in range(n)], dtype=complex) for k in range(self.degree + 1)]
-        left, right = self.interval
-        nodes = mesh.size
-        points, cumulative = mesh.integration(left, right)
-        table = self.table(points, control)
-        shift = mean_exponent(table)
-        if abs(cumulative[-1] @ shift) > GROWTH:
-            for i in range(n):
-                for k in range(self.degree + 1):
-                    table[i][i][k] = table[i][i][k] - shift * table[i][n][k]
-        ends = [self.table(np.array([place]), control) for place in (left, right)]
-        total = n * (nodes + 1)
-        result = []
-        for k in range(self.degree + 1):
-            matrix = np.zeros((total, total), dtype=complex)
-            for i in range(n):
-                rows = slice(i * nodes, (i + 1) * nodes)
-                for j in range(n):
-                    entry = table[i][j][k]
-                    if np.any(entry):
-                        matrix[rows, j * nodes:(j + 1) * nodes] -= entry[:, None] * cumulative[:-1]
-                        matrix[rows, n * nodes + j] -= entry
-                matrix[rows, rows] += np.diag(table[i][n][k])
-            row = n * nodes
-            for side in (0, 1):
-                start = n + (0 if side == 0 else self.counts[0])
-                for i in range(self.counts[side]):
-                    for j in range(n):
-                        entry = ends[side][start + i][j][k][0]
-                        if side == 1:
-                            matrix[row, j * nodes:(j + 1) * nodes] += entry * cumulative[-1]
-                        matrix[row, n * nodes + j] += entry
-                    row += 1
-            result.append(matrix)
-        return result if any(np.any(matrix.imag) for matrix in result) else [matrix.real for matrix in result]
-
-    def eigenvalues(self, control: float, mesh: Mesh | None) -> NDArray[np.complex128]:
-        """Return the finite eigenvalues at one control and one resolution."""
-        if self.size == 0:
-            return np.zeros(0, dtype=complex)
-        matrices = self.matrices(control, mesh)
-        held = np.flatnonzero(sum((np.abs(matrix).sum(axis=1) for matrix in matrices[1:]), np.zeros(len(matrices[0]))))
-        if not len(held):
-            return np.zeros(0, dtype=complex)
-        degree = len(matrices) - 1
-        shift = SHIFT
-        found: list[NDArray[np.complex128]] = []
-        reach = np.inf
-        for _ in range(3):
-            values = self.shifted_eigenvalues(matrices, held, degree, shift)
-            values = values[np.abs(values) < reach]
-            smallest = float(np.abs(values).min(initial=np.inf))
-            if not smallest < 1e-3 * shift:
-                break
-            # An eigenvalue far below the shift drowns in rounding: keep the others and look again nearer to zero.
-            reach = 1e-3 * shift
-            found.append(values[np.abs(values) >= reach])
-            shift = max(SHIFT * smallest, 1e-18)
-        values = np.where(np.abs(values) < 1e-17, 0, values)  # what is left of an eigenvalue zero
-        return np.concatenate([*found, values])
-
-    def shifted_eigenvalues(self, matrices: list[NDArray[Any]], held: NDArray[np.intp], degree: int, shift: float) -> NDArray[np.complex128]:
-        """Return the eigenvalues from the inverse at a shift, restricted to the equations that hold lambda."""
-        # Coefficients in mu = lambda - shift.
-        shifted = []
-        for k in range(degree + 1):
-            total = np.zeros_like(matrices[0])
-            for power in range(k, degree + 1):
-                total = total + matrices[power] * (binomial(power, k) * shift ** (power - k))
-            shifted.append(total)
-        scale = np.abs(shifted[0]).max(axis=1)
-        scale[scale == 0] = 1
-        identity = np.zeros((len(scale), len(held)))
-        identity[held, np.arange(len(held))] = 1 / scale[held]
-        try:
-            inverse = np.linalg.solve(shifted[0] / scale[:, None], identity)
-        except np.linalg.LinAlgError:
-            return np.array([np.nan + 0j])
-        if not np.all(np.isfinite(inverse)):
-            return np.array([np.nan + 0j])
-        m = len(held)
-        companion = np.zeros((degree * m, degree * m), dtype=inverse.dtype)
-        for k in range(1, degree + 1):
-            companion[:m, (k - 1) * m:k * m] = -(shifted[k][held] @ inverse)
-        companion[m:, :-m] = np.eye((degree - 1) * m)
-        theta = np.linalg.eigvals(companion).astype(complex)
-        if self.finite is not None:  # what rounding leaves of a defective infinite eigenvalue is not small: their number is known
-            theta = theta[np.argsort(-np.abs(theta), kind="stable")[:self.finite]]
-        theta = theta[np.abs(theta) > 1e-13 * max(1.0, float(np.abs(theta).max(initial=0.0)))]
-        return shift + 1 / theta
-
-
-def mean_exponent(table: list[list[list[NDArray[np.complex128]]]]) -> NDArray[np.float64]:
-    """Return tr P / n without lambda, at the nodes; 0 where lambda multiplies a slope."""
-    n = len(table[0]) - 1
-    slopes = [table[i][n][0] for i in range(n)]
-    if any(np.any(table[i][n][k]) for i in range(n) for k in range(1, len(table[i][n]))) or not all(np.all(slope) for slope in slopes):
-        return np.zeros(len(slopes[0]))
-    return sum((table[i][i][0].real / slopes[i].real for i in range(n)), np.zeros(len(slopes[0]))) / n
-
-
-def finite_eigenvalues(operator: AlgebraicOperator, formulation: Formulation) -> int:
-    """Return the degree of det M in lambda, at a control without meaning."""
-    low, high = formulation.control_range
-    control = low + (high - low) * Rational(61803, 100000)
-    entries = [[entry.subs(formulation.parameters).subs(formulation.control, control) if isinstance(entry, Expr) else entry for entry in row] for row in operator.matrix]
-    determinant = expand(Matrix(entries).det(method="berkowitz")) if entries else Integer(1)
-    if LAMBDA not in determinant.free_symbols:
-        return 0
-    coefficients = coefficients_in(fraction(together(determinant))[0], LAMBDA)
-    return max((k for k, coefficient in enumerate(coefficients) if not formulation.probe.is_zero(coefficient)), default=0)
-
-
-def compiled(arguments: tuple[Symbol, Symbol], expressions: list[Any]) -> Callable[..., Sequence[Any]]:
-    """Return the expressions as a NumPy function; SciPy is loaded for special functions only."""
-    names = {type(node).__name__ for one in expressions if isinstance(one, Expr) for node in one.atoms(Function)}
-    elementary = {"exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "asinh", "acosh", "atanh"}
-    modules = ["numpy"] if names <= elementary else ["scipy", "numpy"]
-    return lambdify(arguments, expressions, modules=modules)  # type: ignore[no-any-return]
-
-
-def binomial(n: int, k: int) -> int:
-    """Return n over k."""
-    from math import comb
-
-    return comb(n, k)
-
-
-def polynomial_row(entries: list[Expr], slope: bool, control: Symbol) -> list[list[Expr]]:
-    """Return the coefficients in lambda of a row, over its common denominator (appended as the last entry for a slope row).
-
-    A boundary row is cleared of denominators in the control too: it holds where they vanish.
-    """
-    cleared = {LAMBDA} if slope else {LAMBDA, control}
-    fractions = [fraction(together(entry)) if cleared & entry.free_symbols else (entry, Integer(1)) for entry in entries]
-    denominator: Expr = Integer(1)
-    for _, bottom in fractions:
-        if cleared & bottom.free_symbols:
-            denominator = lcm(denominator, bottom)
-    tops = [entry if denominator == 1 else together(top * denominator / bottom) for (top, bottom), entry in zip(fractions, entries, strict=True)]
-    return [in_lambda(top) for top in (*tops, *([denominator] if slope else []))]
-
-
-def in_lambda(expression: Expr) -> list[Expr]:
-    """Return the coefficients of lambda^0, lambda^1, ..."""
-    if LAMBDA not in expression.free_symbols:
-        return [expression]
-    return coefficients_in(expression, LAMBDA)
-
-
-_TABLES: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
-
-
-def integration(nodes: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return Chebyshev nodes on (-1, 1) and the matrix of integrals from -1 to each node and, last, to 1."""
-    if nodes not in _TABLES:
-        points = -np.cos((2 * np.arange(nodes) + 1) * np.pi / (2 * nodes))
-        vandermonde = np.polynomial.chebyshev.chebvander(points, nodes - 1)
-        inverse = vandermonde.T * (2.0 / nodes)
-        inverse[0] /= 2
-        ends = np.append(points, 1.0)
-        integrals = np.empty((nodes + 1, nodes))
-        for k in range(nodes):
-            unit = np.zeros(nodes)
-            unit[k] = 1
-            primitive = np.polynomial.chebyshev.chebint(unit, lbnd=-1)
-            integrals[:, k] = np.polynomial.chebyshev.chebval(ends, primitive)
-        _TABLES[nodes] = (points, integrals @ inverse)
-    return _TABLES[nodes]
-
-
 class Spectrum:
     """The rightmost eigenvalues of all weights, resolved."""
 
@@ -367,7 +47,7 @@ class Spectrum:
         self.ladders: dict[Pencil, tuple[Mesh, ...]] = {}  # the meshes that are still of use: the first two are compared
         self.scales: dict[Pencil, float] = {}
         self.known: dict[Pencil, list[complex]] = {}
-        self.bases = compiled((formulation.space, formulation.control), [base.subs(formulation.parameters) for base in formulation.base])
+        self.bases = compiled(formulation, formulation.base)
 
     def rightmost(self, control: float) -> list[tuple[complex, int]]:
         """Return the converged eigenvalues (value, weight), rightmost first.
@@ -485,35 +165,31 @@ def first_loss(operators: Mapping[int, FirstOrderOperator | AlgebraicOperator], 
     if start[0][0].real >= -1e-13 * abs(start[0][0]) - 1e-18:
         raise ProblemError(f"control_range: found the eigenvalue {shown(start[0][0])} at {name} = {formulation.control_range[0]}; expected a base state that is "
                            "strictly stable at the lower end; lower it, or remove the neutral or unstable mode")
-    grid = np.linspace(low, high, SCAN)
-    previous, growth_before = low, start[0][0].real
-    bracket: tuple[float, float] | None = None
-    history = [(low, growth_before)]
-    for control in grid[1:]:
-        try:
-            growth = spectrum.growth(float(control))
-        except FloatingPointError:
-            bracket = singular_end(spectrum, previous, float(control), name, abs(start[0][0].real))
-            break
-        history.append((float(control), growth))
-        if growth > 0:
-            bracket = (previous, float(control))
-            break
-        previous = float(control)
-        if len(history) >= 3 and near_zero_peak(history[-3:]):
-            top = peak_of(spectrum.growth, history[-3][0], history[-1][0], 1e-6 * (high - low))
-            if spectrum.growth(top) > 0:
-                bracket = (history[-3][0], top)
-                break
-    if bracket is None:
-        last = history[-1]
-        raise ProblemError(f"control_range: found no loss of stability between {formulation.control_range[0]} and {formulation.control_range[1]} (largest growth rate "
-                           f"{max(value for _, value in history):.6g}, at the upper end {last[1]:.6g}); expected one; widen control_range")
-    threshold = bracket[0]
-    if bracket[1] > bracket[0]:
-        threshold = crossing(spectrum.growth, *bracket)
+    bracket = bracket_of(spectrum, low, high, start[0][0].real)
+    threshold = crossing(spectrum.growth, *bracket) if bracket[1] > bracket[0] else bracket[0]
     spectrum.check_pointwise(threshold, name)
-    return classify(spectrum, threshold, abs(growth_before), formulation)
+    return classify(spectrum, threshold, abs(start[0][0].real), formulation)
+
+
+def bracket_of(spectrum: Spectrum, low: float, high: float, growth_at_low: float) -> tuple[float, float]:
+    """Return two controls between which stability is lost for the first time, by a scan that looks closer at peaks near zero."""
+    formulation = spectrum.formulation
+    history = [(low, growth_at_low)]
+    for control in map(float, np.linspace(low, high, SCAN)[1:]):
+        previous = history[-1][0]
+        try:
+            growth = spectrum.growth(control)
+        except FloatingPointError:
+            return singular_end(spectrum, previous, control, formulation.problem.control, abs(growth_at_low))
+        if growth > 0:
+            return previous, control
+        history.append((control, growth))
+        if len(history) >= 3 and near_zero_peak(history[-3:]):
+            top = peak_of(spectrum.growth, history[-3][0], control, 1e-6 * (high - low))
+            if spectrum.growth(top) > 0:
+                return history[-3][0], top
+    raise ProblemError(f"control_range: found no loss of stability between {formulation.control_range[0]} and {formulation.control_range[1]} (largest growth rate "
+                       f"{max(value for _, value in history):.6g}, at the upper end {history[-1][1]:.6g}); expected one; widen control_range")
 
 
 def crossing(growth: Callable[[float], float], low: float, high: float) -> float:
@@ -593,32 +269,33 @@ def shown(value: complex, rounding: float = 0.0) -> str:
 def classify(spectrum: Spectrum, threshold: float, rate: float, formulation: Formulation) -> Onset:
     """Tell what kind of bifurcation it is, or refuse it by name."""
     values = spectrum.rightmost(threshold)
-    name = formulation.problem.control
     # An eigenvalue is on the axis within rounding of the growth rates met on the way; a defective one moves as a square root.
-    scale = max(rate, abs(values[0][0]))
-    tolerance = AXIS * scale
+    tolerance = AXIS * max(rate, abs(values[0][0]))
     critical = [(value, weight) for value, weight in values if abs(value.real) <= tolerance]
     stable = [value for value, _ in values if abs(value.real) > tolerance]
     rest = tuple(dict.fromkeys([*stable[:4], *sorted(stable, key=abs)[:4]]))
+    oscillating = [value for value, _ in critical if abs(value.imag) > 30 * tolerance]
+    still = [value for value, _ in critical if abs(value.imag) <= 30 * tolerance]
     listing = ", ".join(shown(value, tolerance) for value, _ in critical)
-    where = f"at {name} = {threshold:.10g}"
+    where = f"at {formulation.problem.control} = {threshold:.10g}"
     rotating = formulation.frame is not None
-    oscillating = [(value, weight) for value, weight in critical if abs(value.imag) > 30 * tolerance]
-    still = [(value, weight) for value, weight in critical if abs(value.imag) <= 30 * tolerance]
     if oscillating and still:
         raise DerivationError(f"threshold: found a zero eigenvalue together with a pair {where}: {listing}; expected no other eigenvalue on the imaginary axis")
-    weights = {abs(weight) for _, weight in critical}
-    if rotating and weights != {1}:
+    if rotating and {abs(weight) for _, weight in critical} != {1}:
         raise DerivationError(f"threshold: found critical eigenvalues {listing} {where} of a mode along the rotation axis; expected a mode across it; drop rotation_axis")
-    if still:
-        if len(still) > 1:
-            if rotating:
-                raise DerivationError(f"threshold: found the eigenvalues {listing} in each of the two directions {where}; expected one: a defective or multiple eigenvalue is not of this class")
-            raise DerivationError(f"threshold: found a double eigenvalue {listing} {where}; expected a simple one; if the problem is unchanged by rotations declare rotation_axis; "
-                                  "a defective (Takens-Bogdanov) eigenvalue is not of this class")
-        return Onset(kind="steady", weight=still[0][1], control=threshold, frequency=None, other_eigenvalues=rest)
-    upper = sorted((value for value, _ in oscillating if value.imag > 0), key=lambda z: z.imag)
-    lower = [value for value, _ in oscillating if value.imag < 0]
+    if len(still) > 1 and rotating:
+        raise DerivationError(f"threshold: found the eigenvalues {listing} in each of the two directions {where}; expected one: a defective or multiple eigenvalue is not of this class")
+    if len(still) > 1:
+        raise DerivationError(f"threshold: found a double eigenvalue {listing} {where}; expected a simple one; if the problem is unchanged by rotations declare rotation_axis; "
+                              "a defective (Takens-Bogdanov) eigenvalue is not of this class")
+    frequency = None if still else frequency_of(oscillating, rotating, listing, where)
+    return Onset(kind="steady" if still else "hopf", weight=critical[0][1], control=threshold, frequency=frequency, other_eigenvalues=rest)
+
+
+def frequency_of(oscillating: Sequence[complex], rotating: bool, listing: str, where: str) -> float:
+    """Return the frequency of a simple pair, or refuse what is none; `listing` and `where` are the words for it."""
+    upper = sorted((value for value in oscillating if value.imag > 0), key=lambda z: z.imag)
+    lower = [value for value in oscillating if value.imag < 0]
     if len(upper) != 1 or len(lower) != 1:
         if rotating and len(upper) + len(lower) == 1:
             raise DerivationError(f"threshold: found the eigenvalue {listing} {where} in one sense of rotation only: it is simple; expected the double eigenvalue of a problem that is "
@@ -629,7 +306,4 @@ def classify(spectrum: Spectrum, threshold: float, rate: float, formulation: For
         raise DerivationError(f"threshold: found the eigenvalues {listing} {where}; expected a simple pair; {hint}")
     if rotating and abs(upper[0] + lower[0]) > 1e-5 * abs(upper[0]):
         raise DerivationError(f"threshold: found the eigenvalues {listing} {where} in one sense of rotation; expected a conjugate pair: the problem is not unchanged by reflections; drop rotation_axis")
-    return Onset(kind="hopf", weight=oscillating[0][1], control=threshold, frequency=float(upper[0].imag), other_eigenvalues=rest)
-
-
-__all__ = ["Onset", "find_onset", "I"]
+    return float(upper[0].imag)

@@ -15,7 +15,8 @@ from sympy import Add, Expr, Integer, Matrix, Mul, Symbol, fraction, together
 
 from derive.expand import cancel, expand
 from derive.expansion import Expansion, TaylorRow
-from derive.problem import DerivationError, Formulation, Jet, ProblemError
+from derive.formulation import Formulation
+from derive.statement import ProblemError
 
 Forcing = dict[tuple[str, int, int], Expr]
 """{(kind, row, derivative): coefficient}; kind is "row" for an interior row and "left" or "right" for a boundary row."""
@@ -123,6 +124,36 @@ class Elimination:
             self.add(result, {(kind, row, order + 1): value}, Integer(1))
         return result
 
+    def solve(self, row: WorkingRow, variable: int) -> Solved:
+        """Return an algebraic row solved for a variable."""
+        head = row.value[variable]
+        value = self.scaled({k: c for k, c in row.value.items() if k != variable}, -self.inverse(head))
+        return Solved(variable=variable, value=value, forcing=self.scaled(row.forcing, 1 / head))
+
+    def insert(self, solved: Solved, row: WorkingRow) -> None:
+        """Put a solved variable, and its derivative, into a row."""
+        factor = row.value.pop(solved.variable, None)
+        if factor is not None:
+            self.add(row.value, solved.value, factor)
+            self.add(row.forcing, solved.forcing, -factor)
+        factor = row.slope.pop(solved.variable, None)
+        if factor is not None:  # y_k' = sum value y' + value' y + forcing'
+            self.add(row.slope, solved.value, factor)
+            self.add(row.value, {k: c.diff(self.space) for k, c in solved.value.items()}, factor)
+            self.add(row.forcing, self.differentiated(solved.forcing), -factor)
+
+    def recovered(self, solved: Sequence[Solved], remaining: Sequence[int]) -> dict[int, tuple[tuple[Expr, ...], Forcing]]:
+        """Return every variable as (coefficients over the remaining ones, combination of forcing), by substitution from the last one back."""
+        sums: dict[int, tuple[dict[int, Expr], Forcing]] = {k: ({place: Integer(1)}, {}) for place, k in enumerate(remaining)}
+        for one in reversed(solved):
+            total: dict[int, Expr] = {}
+            forcing: Forcing = dict(one.forcing)
+            for k, coefficient in one.value.items():
+                self.add(total, sums[k][0], coefficient)
+                self.add(forcing, sums[k][1], coefficient)
+            sums[one.variable] = (total, forcing)
+        return {k: (tuple(total.get(j, Integer(0)) for j in range(len(remaining))), forcing) for k, (total, forcing) in sums.items()}
+
     def cost(self, coefficient: Expr) -> tuple[bool, bool, bool, bool, int]:
         """Return how unwelcome a pivot is: it may vanish, holds lambda, holds s, holds symbols, and its length."""
         symbols = coefficient.free_symbols
@@ -143,6 +174,15 @@ class WorkingRow:
     forcing: Forcing
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solved:
+    """A variable in terms of others: y_k = sum value y + forcing."""
+
+    variable: int
+    value: Mapping[int, Expr]
+    forcing: Forcing
+
+
 def reduce_operator(expansion: Expansion, weight: int, growth: Expr, block: frozenset[int] | None = None) -> FirstOrderOperator:
     r"""Return the first-order system of the rows of `weight` in the harmonic :math:`e^{\lambda t}`, lambda = `growth`.
 
@@ -157,29 +197,54 @@ def reduce_operator(expansion: Expansion, weight: int, growth: Expr, block: froz
         The equations leave a field undetermined, contradict each other, or have too few or too many boundary rows.
     """
     formulation = expansion.formulation
+    if formulation.interval is None:
+        raise AssertionError("ordinary differential equations have no space to reduce")
     work = Elimination(formulation)
     unknowns = [unknown.index for unknown in formulation.unknowns if unknown.weight == weight and (block is None or unknown.index in block)]
 
-    def belongs(row: TaylorRow) -> bool:
-        return row.weight == weight and (block is None or any(jet[0] in block for jet in row.linear()))
+    def linear(rows: Iterable[TaylorRow]) -> dict[int, dict[tuple[int, int], Expr]]:
+        belonging = ((number, row) for number, row in enumerate(rows) if row.weight == weight and (block is None or any(jet[0] in block for jet in row.linear())))
+        return {number: at_growth(row, growth, work) for number, row in belonging}
 
-    chosen = [(number, row) for number, row in enumerate(expansion.rows) if belongs(row)]
-    linear = {number: at_growth(row, growth, work) for number, row in chosen}
-    ends = [[(number, row) for number, row in enumerate(end) if belongs(row)] for end in expansion.ends]
-    end_linear = [{number: at_growth(row, growth, work) for number, row in end} for end in ends]
-    spatial = formulation.interval is not None
+    interior = linear(expansion.rows)
+    ends = [linear(end) for end in expansion.ends]
+    variables, rows = first_order_rows(unknowns, interior)
+    rows, solved, spare = eliminate(rows, [(unknown not in formulation.normalised, order) for unknown, order in variables], work)
+    gone = {one.variable for one in solved}
+    remaining = [k for k in range(len(variables)) if k not in gone]
+    n = len(remaining)
+    if len(rows) < n:
+        pivots = {min(row.slope, key=lambda k: (abs(float(row.slope[k] != 1)), k)) for row in rows}
+        free = sorted({formulation.unknowns[variables[k][0]].latex for k in remaining if k not in pivots})
+        raise ProblemError(f"equations: found {len(rows)} independent equations for {n} unknown functions; "
+                           f"expected as many: nothing determines {', '.join(free)}")
+    check_redundant(spare, expansion)
+    matrix, forcing = solved_slopes(rows, remaining, work)
+    check_finite(matrix, formulation)
+    if n == 0 and spare:
+        raise ProblemError(contradiction(expansion, [expansion.rows[number] for number in interior]))
+    recovery = work.recovered(solved, remaining)
+    fields = {unknown: recovery[variables.index((unknown, 0))] for unknown in unknowns}
+    system = Unbounded(matrix=matrix, forcing=forcing, recovery=fields, names=tuple(variables[k] for k in remaining), work=work)
+    system = leading_scalar(system, formulation.normalised, formulation)
+    left, right = (boundary_rows(system, linear, place, side) for linear, place, side in zip(ends, formulation.interval, ("left", "right"), strict=True))
+    if len(left.matrix) + len(right.matrix) != n:
+        raise ProblemError(count_message(formulation.interval, (len(left.matrix), len(right.matrix)), n))
+    return FirstOrderOperator(
+        matrix=tuple(tuple(row) for row in system.matrix), forcing=tuple(system.forcing), recovery=system.recovery,
+        left=left, right=right, spare=tuple(spare), names=system.names, scalar=system.scalar, divisors=tuple(work.divisors),
+    )
 
-    # Variables: derivatives of the unknowns below the highest that occurs in the interior.
-    highest = {unknown: 0 for unknown in unknowns}
+
+def first_order_rows(unknowns: Sequence[int], linear: Mapping[int, Mapping[tuple[int, int], Expr]]) -> tuple[list[tuple[int, int]], list[WorkingRow]]:
+    """Return the variables, which are derivatives of the unknowns below the highest that occurs, and the rows over them and their slopes."""
+    highest = dict.fromkeys(unknowns, 0)
     for coefficients in linear.values():
         for unknown, ds in coefficients:
             highest[unknown] = max(highest[unknown], ds)
-    variables: list[tuple[int, int]] = [(unknown, k) for unknown in unknowns for k in range(max(highest[unknown], 1))]
+    variables = [(unknown, k) for unknown in unknowns for k in range(max(highest[unknown], 1))]
     number_of = {variable: k for k, variable in enumerate(variables)}
-    rows: list[WorkingRow] = []
-    for unknown, k in variables:
-        if (unknown, k + 1) in number_of:
-            rows.append(WorkingRow({number_of[unknown, k]: Integer(1)}, {number_of[unknown, k + 1]: Integer(-1)}, {}))
+    rows = [WorkingRow({number_of[unknown, k]: Integer(1)}, {number_of[unknown, k + 1]: Integer(-1)}, {}) for unknown, k in variables if (unknown, k + 1) in number_of]
     for number, coefficients in linear.items():
         slope, value = {}, {}
         for (unknown, ds), coefficient in coefficients.items():
@@ -188,12 +253,17 @@ def reduce_operator(expansion: Expansion, weight: int, growth: Expr, block: froz
             else:
                 slope[number_of[unknown, ds - 1]] = coefficient
         rows.append(WorkingRow(slope, value, {("row", number, 0): Integer(1)}))
+    return variables, rows
 
-    remaining = list(range(len(variables)))
-    solved: list[tuple[int, dict[int, Expr], Forcing]] = []  # y_k = sum value y + forcing
+
+def eliminate(rows: list[WorkingRow], unwelcome: Sequence[tuple[bool, int]], work: Elimination) -> tuple[list[WorkingRow], list[Solved], list[Forcing]]:
+    """Return the rows with slopes, the variables solved for, in order, and what is demanded of the forcing.
+
+    Algebraic rows are solved, and differentiated where they are put into a slope, until none is left. `unwelcome` holds, for each variable, whether
+    it does not belong to the normalised field, and the order of its derivative.
+    """
+    solved: list[Solved] = []
     spare: list[Forcing] = []
-    leading = formulation.normalised
-    unwelcome = {number_of[unknown, k]: (unknown not in leading, k) for unknown, k in variables}
     while True:
         echelon(rows, work)
         algebraic = [row for row in rows if not row.slope]
@@ -201,72 +271,29 @@ def reduce_operator(expansion: Expansion, weight: int, growth: Expr, block: froz
         spare.extend(row.forcing for row in algebraic if not row.value and row.forcing)
         algebraic = [row for row in algebraic if row.value]
         if not algebraic:
-            break
+            return rows, solved, spare
         # The best pivot of all algebraic rows.
         _, best, pivot = min(
-            (((*work.cost(coefficient)[:4], not unwelcome[k][0], -unwelcome[k][1], work.cost(coefficient)[4], k), index, k)
-             for index, one in enumerate(algebraic) for k, coefficient in one.value.items()),
+            ((*work.cost(coefficient)[:4], not unwelcome[k][0], -unwelcome[k][1], work.cost(coefficient)[4], k), index, k)
+            for index, one in enumerate(algebraic) for k, coefficient in one.value.items()
         )
-        chosen_row = algebraic[best]
-        head = chosen_row.value[pivot]
-        value = work.scaled({k: c for k, c in chosen_row.value.items() if k != pivot}, -work.inverse(head))
-        forcing = work.scaled(chosen_row.forcing, 1 / head)
-        others = rows + algebraic[:best] + algebraic[best + 1:]
-        for other in others:
-            factor = other.value.pop(pivot, None)
-            if factor is not None:
-                work.add(other.value, value, factor)
-                work.add(other.forcing, forcing, -factor)
-            factor = other.slope.pop(pivot, None)
-            if factor is not None:  # y_k' = sum value y' + value' y + forcing'
-                work.add(other.slope, value, factor)
-                work.add(other.value, {k: c.diff(formulation.space) for k, c in value.items()}, factor)
-                work.add(other.forcing, work.differentiated(forcing), -factor)
-        solved.append((pivot, value, forcing))
-        remaining.remove(pivot)
-        rows = others
-    if not spatial:
-        raise AssertionError("ordinary differential equations have no space to reduce")
-    pivots = {min(row.slope, key=lambda k: (abs(float(row.slope[k] != 1)), k)): row for row in rows}
-    if len(rows) < len(remaining):
-        free = sorted({formulation.unknowns[variables[k][0]].latex for k in remaining if k not in pivots})
-        raise ProblemError(f"equations: found {len(rows)} independent equations for {len(remaining)} unknown functions; "
-                           f"expected as many: nothing determines {', '.join(free)}")
-    check_redundant(spare, expansion)
+        solved.append(work.solve(algebraic[best], pivot))
+        rows = rows + algebraic[:best] + algebraic[best + 1:]
+        for row in rows:
+            work.insert(solved[-1], row)
+
+
+def solved_slopes(rows: Sequence[WorkingRow], remaining: Sequence[int], work: Elimination) -> tuple[list[list[Expr]], list[Forcing]]:
+    """Return P and R f of y' = P y + R f from rows that hold one slope each."""
     order = {k: place for place, k in enumerate(remaining)}
-    matrix = [[Integer(0)] * len(remaining) for _ in remaining]
-    forcings: list[Forcing] = [{} for _ in remaining]
+    matrix: list[list[Expr]] = [[Integer(0)] * len(remaining) for _ in remaining]
+    forcing: list[Forcing] = [{} for _ in remaining]
     for row in rows:
-        (k,) = row.slope
+        ((k, head),) = row.slope.items()
         for j, coefficient in row.value.items():
-            matrix[order[k]][order[j]] = work.tidy(-coefficient / row.slope[k])
-        forcings[order[k]] = work.scaled(row.forcing, 1 / row.slope[k])
-    check_finite(matrix, formulation)
-    recovery: dict[int, tuple[dict[int, Expr], Forcing]] = {k: ({order[k]: Integer(1)}, {}) for k in remaining}
-    for pivot, value, forcing in reversed(solved):
-        total: dict[int, Expr] = {}
-        forced: Forcing = dict(forcing)
-        for k, coefficient in value.items():
-            work.add(total, recovery[k][0], coefficient)
-            work.add(forced, recovery[k][1], coefficient)
-        recovery[pivot] = (total, forced)
-    n = len(remaining)
-    fields = {
-        unknown: (tuple(recovery[number_of[unknown, 0]][0].get(j, Integer(0)) for j in range(n)), recovery[number_of[unknown, 0]][1])
-        for unknown in unknowns
-    }
-    operator = Unbounded(matrix=matrix, forcing=forcings, recovery=fields, names=tuple(variables[k] for k in remaining), work=work)
-    if n == 0 and spare:
-        raise ProblemError(contradiction(expansion, [row for _, row in chosen]))
-    operator = leading_scalar(operator, leading, formulation)
-    sides = [boundary_rows(operator, end_linear[side], formulation.interval[side], "left" if side == 0 else "right") for side in (0, 1)]  # type: ignore[index]
-    found = [len(side.matrix) for side in sides]
-    if sum(found) != n:
-        raise ProblemError(count_message(formulation, found, n))
-    return FirstOrderOperator(
-        matrix=tuple(tuple(row) for row in operator.matrix), forcing=tuple(operator.forcing), recovery=operator.recovery,
-        left=sides[0], right=sides[1], spare=tuple(spare), names=operator.names, scalar=operator.scalar, divisors=tuple(work.divisors),
-    )
+            matrix[order[k]][order[j]] = work.tidy(-coefficient / head)
+        forcing[order[k]] = work.scaled(row.forcing, 1 / head)
+    return matrix, forcing
 
 
 def coupled_block(expansion: Expansion, weight: int, unknowns: Iterable[int]) -> frozenset[int]:
@@ -314,20 +341,13 @@ def contradiction(expansion: Expansion, rows: Sequence[TaylorRow]) -> str:
     return f"equations: {labels} together allow no disturbance at all: they contradict each other; expected as many independent equations as unknowns"
 
 
-def count_message(formulation: Formulation, found: Sequence[int], n: int) -> str:
+def count_message(ends: tuple[Expr, Expr], found: tuple[int, int], n: int) -> str:
     """Return the message for a wrong number of boundary rows; it names the end."""
-    ends = formulation.interval
-    total = sum(found)
-    if total < n:
-        side = 0 if found[0] < found[1] else 1 if found[1] < found[0] else None
-        which = f"at the end {ends[side]}" if side is not None else f"at the ends {ends[0]} and {ends[1]}"  # type: ignore[index]
-        verdict = f"too few {which}"
-    else:
-        side = 0 if found[0] > found[1] else 1 if found[1] > found[0] else None
-        which = f"at the end {ends[side]}" if side is not None else f"at the ends {ends[0]} and {ends[1]}"  # type: ignore[index]
-        verdict = f"too many {which}"
-    return (f"boundary: found {found[0]} independent rows at the end {ends[0]} and {found[1]} at the end {ends[1]}; "  # type: ignore[index]
-            f"expected {n} in all for a system of order {n}: {verdict}")
+    few = sum(found) < n
+    fault = min(found) if few else max(found)
+    at_fault = [str(end) for end, count in zip(ends, found, strict=True) if count == fault]
+    return (f"boundary: found {found[0]} independent rows at the end {ends[0]} and {found[1]} at the end {ends[1]}; "
+            f"expected {n} in all for a system of order {n}: too {'few' if few else 'many'} at the end{'s' if len(at_fault) > 1 else ''} {' and '.join(at_fault)}")
 
 
 def at_growth(row: TaylorRow, growth: Expr, work: Elimination) -> dict[tuple[int, int], Expr]:
@@ -464,11 +484,3 @@ def boundary_rows(operator: Unbounded, linear: Mapping[int, Mapping[tuple[int, i
         pivots=tuple(pivot for pivot, _ in arranged),
         forcing=tuple(row.forcing for _, row in arranged), spare=spare,
     )
-
-
-def jets_of(coefficients: Mapping[Jet, Expr]) -> list[Jet]:
-    """Return the jets, sorted."""
-    return sorted(coefficients)
-
-
-__all__ = ["BoundaryRows", "DerivationError", "FirstOrderOperator", "Forcing", "LAMBDA", "OMEGA", "reduce_operator"]

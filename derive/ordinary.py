@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from sympy import Expr, Integer
+from sympy import Expr, Integer, degree
 
 from derive.expansion import Expansion
-from derive.operator import LAMBDA, Elimination, Forcing, WorkingRow, at_growth, check_redundant, length
-from derive.problem import ProblemError
+from derive.operator import LAMBDA, Elimination, Forcing, Solved, WorkingRow, at_growth, check_redundant, length
+from derive.statement import ProblemError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,75 +42,48 @@ def reduce_ordinary(expansion: Expansion, weight: int, growth: Expr) -> Algebrai
     work = Elimination(formulation)
     control = formulation.control
     unknowns = [unknown.index for unknown in formulation.unknowns if unknown.weight == weight]
-    rows: list[WorkingRow] = []
-    labels: dict[int, str] = {}
-    for number, stated in enumerate(expansion.rows):
-        if stated.weight == weight:
-            value = {unknown: c for (unknown, _), c in at_growth(stated, LAMBDA, work).items()}
-            rows.append(WorkingRow({}, value, {("row", number, 0): Integer(1)}))
-            labels[number] = stated.label
-    if growth != LAMBDA:
-        for row in rows:
-            row.value = {k: work.tidy(c.subs(LAMBDA, growth)) for k, c in row.value.items()}
-            row.value = {k: c for k, c in row.value.items() if c != 0}
+    rows = [
+        WorkingRow({}, {unknown: c for (unknown, _), c in at_growth(row, growth, work).items()}, {("row", number, 0): Integer(1)})
+        for number, row in enumerate(expansion.rows) if row.weight == weight
+    ]
     remaining = list(unknowns)
-    solved: list[tuple[int, dict[int, Expr], Forcing]] = []
-    leading = set(formulation.normalised)
+    solved: list[Solved] = []
     while True:
         candidates = [
-            ((bool(c.free_symbols), k in leading, length(c), index, k), index, k)
+            ((bool(c.free_symbols), length(c), index, k), index, k)
             for index, row in enumerate(rows) for k, c in row.value.items()
-            if LAMBDA not in c.free_symbols and control not in c.free_symbols and k not in leading
+            if LAMBDA not in c.free_symbols and control not in c.free_symbols and k not in formulation.normalised
         ]
         if not candidates:
             break
         _, index, pivot = min(candidates)
-        chosen = rows.pop(index)
-        head = chosen.value[pivot]
-        value = work.scaled({k: c for k, c in chosen.value.items() if k != pivot}, -1 / head)
-        forcing = work.scaled(chosen.forcing, 1 / head)
-        for other in rows:
-            factor = other.value.pop(pivot, None)
-            if factor is not None:
-                work.add(other.value, value, factor)
-                work.add(other.forcing, forcing, -factor)
-        solved.append((pivot, value, forcing))
+        solved.append(work.solve(rows.pop(index), pivot))
         remaining.remove(pivot)
+        for row in rows:
+            work.insert(solved[-1], row)
     spare = [row.forcing for row in rows if not row.value and row.forcing]
     rows = [row for row in rows if row.value]
     if len(rows) < len(remaining):
         free = ", ".join(sorted({formulation.unknowns[k].latex for k in remaining}))
         raise ProblemError(f"equations: found {len(rows)} independent equations for {free}; expected {len(remaining)}: something is left undetermined")
     if len(rows) > len(remaining):
-        rows, more = independent(rows, remaining, work, labels)
+        rows, more = independent(rows, remaining, work, expansion)
         spare.extend(more)
     check_redundant(spare, expansion)
-    order = {k: place for place, k in enumerate(remaining)}
-    recovery: dict[int, tuple[dict[int, Expr], Forcing]] = {k: ({order[k]: Integer(1)}, {}) for k in remaining}
-    for pivot, value, forcing in reversed(solved):
-        total: dict[int, Expr] = {}
-        forced: Forcing = dict(forcing)
-        for k, c in value.items():
-            work.add(total, recovery[k][0], c)
-            work.add(forced, recovery[k][1], c)
-        recovery[pivot] = (total, forced)
-    n = len(remaining)
+    recovery = work.recovered(solved, remaining)
     return AlgebraicOperator(
         matrix=tuple(tuple(row.value.get(k, Integer(0)) for k in remaining) for row in rows),
-        forcing=tuple(row.forcing for row in rows),
-        recovery={k: (tuple(recovery[k][0].get(j, Integer(0)) for j in range(n)), recovery[k][1]) for k in unknowns},
+        forcing=tuple(row.forcing for row in rows), recovery={k: recovery[k] for k in unknowns},
         spare=tuple(spare), names=tuple((k, 0) for k in remaining),
     )
 
 
-def independent(rows: list[WorkingRow], remaining: list[int], work: Elimination, labels: Mapping[int, str]) -> tuple[list[WorkingRow], list[Forcing]]:
+def independent(rows: list[WorkingRow], remaining: list[int], work: Elimination, expansion: Expansion) -> tuple[list[WorkingRow], list[Forcing]]:
     """Return as many independent rows as unknowns, lowest in lambda first, and what the others demand of the forcing."""
-    def degree(row: WorkingRow) -> int:
-        from sympy import degree as degree_in
+    def degree_of(row: WorkingRow) -> int:
+        return max(int(degree(c, LAMBDA)) if c.is_polynomial(LAMBDA) and LAMBDA in c.free_symbols else 0 for c in row.value.values())
 
-        return max(int(degree_in(c, LAMBDA)) if c.is_polynomial(LAMBDA) and LAMBDA in c.free_symbols else 0 for c in row.value.values())
-
-    ranked = sorted(range(len(rows)), key=lambda k: (degree(rows[k]), k))
+    ranked = sorted(range(len(rows)), key=lambda k: (degree_of(rows[k]), k))
     kept: list[int] = []
     reduced: list[tuple[int, dict[int, Expr], Forcing]] = []
     spare: list[Forcing] = []
@@ -126,7 +99,7 @@ def independent(rows: list[WorkingRow], remaining: list[int], work: Elimination,
                 spare.append(forcing)
             continue
         if len(kept) == len(remaining):
-            names = ", ".join(dict.fromkeys(labels[key[1]] for key in forcing))
+            names = ", ".join(dict.fromkeys(expansion.rows[row].label for _, row, _ in forcing))
             raise ProblemError(f"equations: {names} contradict each other: found more independent equations than unknowns; expected as many")
         pivot = min(value, key=lambda k: work.cost(value[k]))
         head = value[pivot]

@@ -11,14 +11,16 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal, localcontext
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import Any, TypeVar
 
 from derive.derivation import Derivation, derive_amplitude_equation
-from derive.files import write_bytes
+from derive.files import check_folder, write_files
 from derive.latex import Writer, document
-from derive.problem import DerivationError, Problem
+from derive.problem import Problem
+from derive.statement import DerivationError, one_line
 from derive.states import States, derive_states
 from numerics.coefficients import Result, evaluate
 from numerics.comparison import Comparison, compare, further_values, reference_of
@@ -71,10 +73,11 @@ class Stages:
         """Return what a stage gives, or None with the reason kept."""
         try:
             return self.run(name, function)
-        except Exception as reason:
-            said = " ".join(str(reason).split()) or type(reason).__name__
-            self.reasons[name] = said if isinstance(reason, FAILURES) else f"{FAULT}{type(reason).__name__}: {said}"
-            return None
+        except FAILURES as reason:
+            self.reasons[name] = one_line(str(reason)) or type(reason).__name__
+        except Exception as reason:  # a fault of this program costs one part, not the report, which then disagrees
+            self.reasons[name] = f"{FAULT}{type(reason).__name__}: {one_line(str(reason))}"
+        return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,13 +145,11 @@ def reproduce(problem: Problem, folder: Path | None, settings: Settings, say: Ca
     folder = folder or Path(f"{problem.name}-report")
     stages = Stages(say)
     derivation = stages.run("derivation", lambda: derive_amplitude_equation(problem))
-    folder.mkdir(parents=True, exist_ok=True)
-    tempfile.TemporaryFile(dir=folder).close()  # a folder that cannot be written to is told before the work
+    check_folder(folder)
     findings = gather(derivation, settings, stages)
     say("files")
     summary = summary_of(findings)
-    for name, content in tuple(files_of(findings, summary, show)):  # all are made before the first is written
-        write_bytes(folder / name, content.encode("utf-8") if isinstance(content, str) else content)
+    write_files({folder / name: content for name, content in files_of(findings, summary, show)})
     show(summary)
     show(f"written to {folder}; open {folder / 'report.html'}")
     return 0 if findings.agrees else 1
@@ -159,11 +160,11 @@ def gather(derivation: Derivation, settings: Settings, stages: Stages) -> Findin
     emitted = derivation.emit()
     results: dict[str, Result] = {}
     for route in ROUTES:
-        result = stages.attempt(f"coefficients, {route}", lambda route=route: by_route(emitted, settings.digits, route))  # type: ignore[misc]
+        result = stages.attempt(f"coefficients, {route}", partial(by_route, emitted, settings.digits, route))
         if result is not None:
             results[route] = result
     if not results:
-        raise EvaluationError("; ".join(stages.reasons.values()))
+        raise EvaluationError("; ".join(dict.fromkeys(stages.reasons.values())))
     best = results.get("certified") or next(iter(results.values()))
     reference = reference_of(derivation.problem.name)
     comparison = stages.attempt("comparison", lambda: compared(derivation, best, reference) if reference else None)
@@ -216,7 +217,7 @@ def drawings_of(derivation: Derivation, emitted: str, points: Mapping[str, Any] 
         return saved(draw(case_of(emitted), name, found, points), "svg").decode("utf-8")
 
     found = stages.attempt("spectrum", spectra) if "growth" in DRAWINGS else None
-    drawings = {name: stages.attempt(f"figure {name}", lambda name=name: drawn(name)) for name in DRAWINGS}  # type: ignore[misc]
+    drawings = {name: stages.attempt(f"figure {name}", partial(drawn, name)) for name in DRAWINGS}
     return {name: svg for name, svg in drawings.items() if svg is not None}
 
 

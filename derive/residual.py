@@ -12,7 +12,9 @@ from sympy import Expr, I, Integer, Symbol, cse, numbered_symbols
 from sympy.printing.numpy import SciPyPrinter
 
 from derive.expand import expand
-from derive.problem import DerivationError, Formulation, Jet, Problem, RawRow
+from derive.formulation import Formulation, Jet, RawRow
+from derive.problem import Problem
+from derive.statement import DerivationError
 
 
 class Printer(SciPyPrinter):
@@ -40,7 +42,7 @@ def emit_residual(problem: Problem) -> str:
     number = Printer({"fully_qualified_modules": True, "allow_unknown_functions": False})
     ends = [repr(float(end)) for end in formulation.interval or (0, 1)]
     lines = [
-        f'"""Full problem of {problem.name}. Emitted by `fredholm full`; do not edit."""', "", "import numpy", "import scipy.special  # noqa: F401", "",
+        f'"""Full problem of {problem.name}. Emitted by `fredholm full`; do not edit."""', "", "import numpy", "import scipy.special", "",
         f"NAME = {problem.name!r}", f"LOWEST = {float(formulation.control_range[0])!r}", f"SPATIAL = {formulation.interval is not None}", f"INTERVAL = ({', '.join(ends)})",
         f"UNKNOWNS = {tuple((unknown.name, unknown.field, component_of(unknown.component), unknown.weight) for unknown in formulation.unknowns)!r}",
         f"JETS = {tuple(jets)!r}", f"NORMALISED = {formulation.normalised!r}", f"ROTATION = {formulation.frame is not None}",

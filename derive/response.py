@@ -15,10 +15,10 @@ from typing import Any
 from sympy import Expr, I, Integer, Symbol
 
 from derive.expansion import Expansion, TaylorRow
+from derive.formulation import Jet
 from derive.functions import Functions
 from derive.operator import OMEGA, FirstOrderOperator, Forcing, reduce_operator
 from derive.ordinary import AlgebraicOperator, reduce_ordinary
-from derive.problem import Jet
 
 Monomial = tuple[int, ...]
 """Exponents over the amplitudes of the kind of bifurcation."""
@@ -71,12 +71,12 @@ class Response:
 class Orders:
     """The expansion so far; asks each row for its coefficient at a monomial."""
 
-    def __init__(self, expansion: Expansion, amplitudes: Sequence[Amplitude], functions: Functions, growth: Expr) -> None:
+    def __init__(self, expansion: Expansion, amplitudes: Sequence[Amplitude], functions: Functions, growth: Expr, leading: Sequence[Contribution]) -> None:
         self.expansion = expansion
         self.amplitudes = tuple(amplitudes)
         self.functions = functions
         self.growth = growth  # i omega, or 0 for a steady bifurcation
-        self.contributions: list[Contribution] = []
+        self.contributions = list(leading)
         self.solved: dict[Any, tuple[Symbol, ...]] = {}
         self.cache: dict[tuple[Monomial, Jet, str | None], Expr] = {}
 
@@ -87,10 +87,6 @@ class Orders:
     def weight(self, monomial: Monomial) -> int:
         """Return the weight of a monomial under rotations."""
         return sum(count * amplitude.weight for count, amplitude in zip(monomial, self.amplitudes, strict=True))
-
-    def unit(self, index: int) -> Monomial:
-        """Return the monomial of a single amplitude."""
-        return tuple(int(k == index) for k in range(len(self.amplitudes)))
 
     def value(self, contribution: Contribution, jet: Jet) -> Expr:
         """Return a jet of a contribution: space derivatives by the known slopes, time derivatives by the harmonic."""
@@ -172,7 +168,7 @@ def right_hand_sides(orders: Orders, monomial: Monomial, weight: int) -> dict[tu
     """Return the forcing (minus the nonlinear part) of every interior and boundary row of `weight` at `monomial`."""
     result: dict[tuple[str, int], Expr] = {}
     expansion = orders.expansion
-    for kind, rows in (("row", expansion.rows), *zip(("left", "right"), expansion.ends, strict=False)):
+    for kind, rows in expansion.groups:
         for number, row in enumerate(rows):
             if row.weight == weight:
                 value = -orders.at(row, monomial)
@@ -232,7 +228,7 @@ def respond(orders: Orders, monomial: Monomial, operator: Operator, operator_nam
 
 def labels_of(forcing: Forcing, expansion: Expansion) -> tuple[str, ...]:
     """Return where the user wrote the rows of a combination."""
-    rows = {"row": expansion.rows, **dict(zip(("left", "right"), expansion.ends, strict=False))}
+    rows = dict(expansion.groups)
     return tuple(dict.fromkeys(rows[kind][row].label for kind, row, _ in sorted(forcing)))
 
 

@@ -11,7 +11,7 @@ carries i, which in vectors is :math:`n\times`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import comb
 
@@ -21,8 +21,8 @@ from derive.expand import expand
 from derive.expansion import Expansion, TaylorRow
 from derive.functions import Functions
 from derive.operator import OMEGA, FirstOrderOperator
-from derive.problem import DerivationError
 from derive.solvability import Solvability
+from derive.statement import DerivationError
 
 Entry = dict[int, Expr]
 """{order of the space derivative: coefficient}"""
@@ -157,7 +157,7 @@ def restricted_problem(expansion: Expansion, weight: int, growth: Expr) -> Restr
                 opposite = other.get(key)
                 if opposite is None:
                     continue
-                sign = 1 if expand(opposite - reflected(value)) == 0 else -1 if expand(opposite + reflected(value)) == 0 else 0
+                sign = 1 if expand(opposite - value) == 0 else -1 if expand(opposite + value) == 0 else 0
                 if sign == 0 and weight:
                     raise DerivationError("a row has no parity under reflections")
                 sign = sign or 1
@@ -180,11 +180,6 @@ def restricted_problem(expansion: Expansion, weight: int, growth: Expr) -> Restr
     )
 
 
-def reflected(expression: Expr) -> Expr:
-    """Return the coefficient itself: the harmonic is not reflected."""
-    return expression
-
-
 def mirror_rows(expansion: Expansion, weight: int) -> Mapping[tuple[str, int], dict[JetColumn, Expr]]:
     """Return, for each row of `weight`, the same of the opposite weight in the columns of `weight` (growth left out: it is common)."""
     if weight == 0:
@@ -194,7 +189,7 @@ def mirror_rows(expansion: Expansion, weight: int) -> Mapping[tuple[str, int], d
     partner = {unknown.index: [other.index for other in unknowns if other.field == unknown.field and other.weight == -weight][0] for unknown in unknowns if unknown.weight == weight}
     column = {partner[index]: j for j, index in enumerate(fields)}
     result: dict[tuple[str, int], dict[JetColumn, Expr]] = {}
-    for kind, rows in (("row", expansion.rows), *zip(("left", "right"), expansion.ends, strict=False)):
+    for kind, rows in expansion.groups:
         plus = [number for number, row in enumerate(rows) if row.weight == weight and row.linear()]
         minus = [number for number, row in enumerate(rows) if row.weight == -weight and row.linear()]
         if len(plus) != len(minus):
@@ -256,8 +251,11 @@ def scalar_adjoint(operator: FirstOrderOperator, solvability: Solvability, funct
         determinant = expand(change.det(method="berkowitz"))
         if determinant == 0:
             continue
-        inverse = change.inv(method="ADJ").applyfunc(lambda entry: expand(entry.cancel()))
-        to_phi = lambda line: tuple(expand(entry.cancel()) for entry in (Matrix([line]) * inverse))  # noqa: B023, E731
+        inverse = (change.adjugate(method="berkowitz") / determinant).applyfunc(lambda entry: expand(entry.cancel()))
+
+        def to_phi(line: Sequence[Expr]) -> tuple[Expr, ...]:
+            return tuple(expand(entry.cancel()) for entry in Matrix([line]) * inverse)
+
         return ScalarAdjoint(
             multipliers={key: to_phi(line) for key, line in multipliers.items()},
             equation=to_phi(list(table[n])),

@@ -17,10 +17,10 @@ from sympy import Expr, Integer, Symbol
 
 from derive.adjoint import Adjoint, adjoint_of
 from derive.expand import expand
+from derive.formulation import Formulation
 from derive.functions import Functions
 from derive.operator import Elimination, FirstOrderOperator
 from derive.ordinary import AlgebraicOperator
-from derive.problem import Formulation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

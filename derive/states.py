@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from sympy import Expr, I, ImmutableMatrix, Integer, Matrix, Poly, Symbol, cancel, expand, eye, factor_list, solve, sqrt, symbols
 
-from derive.problem import DerivationError
+from derive.statement import DerivationError
 
 if TYPE_CHECKING:
     from derive.derivation import Derivation

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from sympy import Expr, Integer, Symbol, preorder_traversal, sstr
 
-from derive.problem import DerivationError
+from derive.statement import DerivationError
 
 if TYPE_CHECKING:
     from derive.states import Analysis, State, States

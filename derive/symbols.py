@@ -8,7 +8,8 @@ from typing import Any
 
 from sympy import Symbol
 
-from derive.latex import Writer, coefficient_symbols
+from derive.latex import Writer
+from derive.latex_adjoint import coefficient_symbols
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +38,7 @@ def symbols_of(writer: Writer) -> tuple[Entry, ...]:
 
 def of_the_statement(writer: Writer) -> list[tuple[str, str, str]]:
     """Return fields, independent variables, control and parameters."""
-    notation, formulation = writer.notation, writer.formulation
+    notation, formulation = writer.notation, writer.derivation.expansion.formulation
     entries = []
     for one in formulation.unknowns:
         if one.component in ("", "p"):
@@ -65,15 +66,15 @@ def of_the_expansion(writer: Writer) -> list[tuple[str, str, str]]:
     ]
     if notation.hopf:
         entries += [(symbol["fast_time"], "fast time", "orders"), (symbol["frequency"], "frequency of the critical mode at the threshold", "coefficients")]
-    if writer.reduction.weak:
+    if writer.derivation.reduction.weak:
         entries.append((symbol["weak"], "scaled size of the weak effects", "orders"))
-    for response in writer.reduction.responses:
+    for response in writer.derivation.reduction.responses:
         place = "the harmonic in brackets" if notation.hopf else "second order"
         entries += [(notation.names[state], f"response of {notation.component(unknown).replace('{', '').replace('}', '')}, {place}", "orders")
                     for state, (unknown, order) in zip(response.states, response.operator.names, strict=True) if isinstance(state, Symbol) and state in notation.names and not order]
-    for equation in writer.numbers:
+    for equation in writer.orders.numbers:
         kind = {"row": "secular forcing of the equation", "left": "secular data at the left end, row", "right": "secular data at the right end, row"}[equation.side]
-        entries.append((writer.forcing_symbol(equation), f"{kind} {writer.numbers[equation]}", "orders"))
+        entries.append((writer.orders.forcing_symbol(equation), f"{kind} {writer.orders.numbers[equation]}", "orders"))
     return entries
 
 
@@ -85,15 +86,15 @@ def of_the_linear_problem(writer: Writer) -> list[tuple[str, str, str]]:
         ("J", "boundary form: what integration by parts leaves at the ends", "adjoint"), (r"\vec{\psi}", "fields of the linear problem", "adjoint"), (r"\vec{y}", "state of the critical mode", "adjoint"),
         (r"\vec{z}", "adjoint state", "adjoint"), (r"\vec{\zeta}", "adjoint solution", "adjoint"), (r"\mathbf{b}", "arbitrary constant vector normal to the axis", "adjoint"),
     ]
-    if writer.scalar is not None:
+    if writer.solvability.scalar is not None:
         entries.append((writer.notation.symbol["adjoint"], "adjoint eigenfunction", "adjoint"))
-    return entries + [(writer.notation.names[zeta], "component of the adjoint solution", "adjoint") for zeta in writer.reduction.solvability.zeta]
+    return entries + [(writer.notation.names[zeta], "component of the adjoint solution", "adjoint") for zeta in writer.derivation.reduction.solvability.zeta]
 
 
 def of_the_amplitude_equation(writer: Writer) -> list[tuple[str, str, str]]:
     """Return the coefficients and the symbols of the states."""
     notation = writer.notation
-    listed: Any = list(writer.reduction.coefficients)
+    listed: Any = list(writer.derivation.reduction.coefficients)
     symbols = coefficient_symbols(listed)
     entries = [(symbols[one.identifier], f"coefficient of {one.monomial}", "amplitude") for one in listed]
     entries += [(r"\mu", "distance of the control to the threshold", "amplitude"), (notation.symbol["xi"], "product of mode and adjoint, by which the coefficients are divided", "amplitude")]

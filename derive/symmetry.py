@@ -13,7 +13,7 @@ from itertools import permutations, product
 from sympy import Expr
 
 from derive.expansion import Expansion
-from derive.problem import Formulation, Jet
+from derive.formulation import Formulation, Jet
 
 MOST_UNKNOWNS = 10
 MOST_ROWS = 6

@@ -18,7 +18,8 @@ from typing import Any
 from sympy import Expr, I, Integer, Rational, Symbol
 
 from derive.expand import expand
-from derive.problem import Formulation, Jet, RawRow, base_jets
+from derive.formulation import Formulation, Jet, RawRow, base_jets
+from derive.statement import ordered_symbols
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -136,7 +137,7 @@ def taylor_terms(equation: Equation, component: str, control_power: int, weak_po
         if depth == 0:
             yield jets
             return
-        for jet in sorted(equation.jets[symbol] for symbol in derivative(jets).free_symbols if symbol in equation.jets):  # type: ignore[attr-defined]
+        for jet in sorted(equation.jets[symbol] for symbol in ordered_symbols(derivative(jets)) if symbol in equation.jets):
             if (not jets or jet >= jets[-1]) and derivative((*jets, jet)) != 0:
                 yield from extended((*jets, jet), depth - 1)
 
@@ -188,7 +189,7 @@ def stated_terms(equation: Equation) -> dict[str, dict[Term, Expr]] | None:
     formulation, symbols = equation.formulation, equation.jets
     result: dict[str, dict[Term, Expr]] = {}
     for component, expression in equation.components.items():
-        present = sorted((symbol for symbol in expression.free_symbols if symbol in symbols), key=lambda symbol: symbols[symbol])  # type: ignore[attr-defined]
+        present = sorted((symbol for symbol in ordered_symbols(expression) if symbol in symbols), key=lambda symbol: symbols[symbol])
         if not expression.is_polynomial(*present, formulation.weak):
             return None
         terms: dict[Term, Expr] = {}

@@ -16,6 +16,7 @@ from sympy import Add, Expr, I, Integer, Mul, Pow, Rational, Symbol, exp, nan, o
 from sympy.core.evalf import PrecisionExhausted
 
 from derive.expand import expand
+from derive.statement import ordered_symbols
 
 DIGITS = 40
 TINY = 1e-100
@@ -33,7 +34,7 @@ class Probe:
     held: set = field(default_factory=set, compare=False, repr=False)
     """parameters at whose value, and not elsewhere, an expression was found to vanish"""
 
-    def is_zero(self, expression: Expr, extra: tuple[Symbol, ...] = ()) -> bool:
+    def is_zero(self, expression: Expr) -> bool:
         """Tell whether the expression vanishes for every value of its symbols (parameters at their values)."""
         if expression.is_number and expression.is_Rational:
             return bool(expression == 0)
@@ -123,7 +124,7 @@ class Probe:
         """Return the expression at the random point number `attempt`, or None where it has no finite value; no number is too small."""
         chooser = random.Random(7919 * (attempt + 1))
         values: dict[Symbol, Expr] = {}
-        for symbol in sorted(expression.free_symbols, key=lambda item: item.name):  # type: ignore[attr-defined]
+        for symbol in ordered_symbols(expression):
             share = Rational(chooser.randint(100, 899), 1000)
             if symbol in self.fixed:
                 values[symbol] = self.fixed[symbol]

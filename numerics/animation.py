@@ -65,8 +65,6 @@ def box_of(animation: Animation) -> tuple[float, float, float]:
 
 def gif_of(animation: Animation, case: Case, every: int = 3) -> bytes:
     """Return the animation as an animated GIF, drawn frame by frame."""
-    import mpl_toolkits.mplot3d  # noqa: F401  (registers the projection)
-
     across, low, high = box_of(animation)
     images = []
     palette = palette_image()

@@ -20,7 +20,7 @@ from mpmath import mp
 from sympy import Matrix, Rational, Symbol, exp, pi, sin, symbols, tanh, zeros
 
 from derive import Problem, derive_amplitude_equation, epsilon, field, vector_field
-from derive.problem import DerivationError, ProblemError
+from derive.statement import DerivationError, ProblemError
 from numerics import EvaluationError, evaluate
 from tests.normal_form import Flow, normal_form
 

@@ -1,6 +1,7 @@
 """The command: contract, exit status, one line for a mistake."""
 
 import json
+import os
 import subprocess
 import sys
 
@@ -46,6 +47,29 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path, folder, expected):
     assert (tmp_path / "taken").read_text() == "mine" and [path.name for path in tmp_path.iterdir()] == ["taken"]
 
 
+@pytest.mark.parametrize("cause", ["an interruption", "a folder in the way"])
+def test_files_are_written_all_or_none(tmp_path, monkeypatch, cause):
+    folder = tmp_path / "there"
+    folder.mkdir()
+    (folder / "van_der_pol.py").write_text("before")
+    written = []
+
+    def interrupted(handle, content, asked):
+        os.close(handle)
+        written.append(asked)
+        if asked.suffix == ".tex":
+            raise KeyboardInterrupt
+
+    if cause == "an interruption":
+        monkeypatch.setattr("derive.files.write_whole", interrupted)
+    else:
+        (folder / "van_der_pol.tex").mkdir()
+    done = run("derive", "van_der_pol", "--out", str(folder))
+    assert done.exit_code == (130 if written else 2) and done.stdout == "" and len(done.stderr.strip().splitlines()) == 1
+    assert "nothing that was there before is changed" in done.stderr if written else f"{folder / 'van_der_pol.tex'}: found a folder" in done.stderr
+    assert (folder / "van_der_pol.py").read_text() == "before" and len(list(folder.iterdir())) == (1 if written else 2)
+
+
 def test_a_name_too_long_for_a_file_is_refused_as_any_other():
     done = run("coefficients", "x" * 5000)
     assert done.exit_code == 2 and "found no such file and no such model" in done.stderr
@@ -55,6 +79,35 @@ def test_a_closed_standard_output_is_a_mistake_in_one_line():
     command = [sys.executable, "-c", "import sys; sys.stdout = None; from derive.cli import main; main(['list'])"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2 and done.stdout == "" and done.stderr.startswith("fredholm: found standard output closed")
+
+
+@pytest.mark.parametrize("arguments", [("list",), ("latex", "van_der_pol"), ("coefficients", "van_der_pol", "--json"), ("derive", "van_der_pol", "--check")])
+def test_a_closed_pipe_ends_the_command_quietly(arguments):
+    read, write = os.pipe()
+    os.close(read)
+    with open(write, "wb") as pipe:
+        done = subprocess.run([sys.executable, "-m", "derive.cli", *arguments], stdout=pipe, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.stderr == "" and done.returncode == (0 if arguments[0] == "derive" else 1)  # a check without a difference prints nothing
+
+
+NOISY = """import os, sys
+print("by print")
+os.system("echo by a program")
+os.write(1, b"by a file descriptor\\n")
+sys.__stdout__.write("by the stream\\n")
+"""
+
+
+@pytest.mark.parametrize("ending", ["from derive.models.van_der_pol import problem", "raise SystemExit(3)"])
+def test_what_a_problem_file_writes_leaves_standard_output_alone(tmp_path, ending):
+    path = tmp_path / "noisy.py"
+    path.write_text(NOISY + ending + "\n")
+    done = subprocess.run([sys.executable, "-m", "derive.cli", "coefficients", str(path), "--json"], capture_output=True, text=True, check=False)
+    if ending.startswith("raise"):
+        assert done.returncode == 2 and done.stdout == "" and done.stderr.splitlines()[-1].startswith(f"fredholm: {path}, line 6: SystemExit")
+    else:
+        assert done.returncode == 0 and json.loads(done.stdout)["problem"] == "van_der_pol"
+        assert sorted(done.stderr.splitlines()) == ["by a file descriptor", "by a program", "by print", "by the stream"]
 
 
 def test_check_and_list():

@@ -7,7 +7,7 @@ from conftest import PROBLEMS, result_of
 from sympy import Rational, Symbol, cos, expand, integrate, pi, sin, symbols
 
 from derive import Problem, derive_amplitude_equation, field
-from derive.problem import ProblemError
+from derive.statement import ProblemError
 from numerics import EvaluationError, evaluate
 
 PI = Decimal("3.14159265358979323846264338327950288")

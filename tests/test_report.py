@@ -115,6 +115,11 @@ def test_a_folder_that_cannot_be_written_is_one_line(tmp_path):
     assert done.exit_code == 2 and done.stdout == "" and len(done.stderr.strip().splitlines()) == 1
 
 
+def test_a_mistake_in_the_digits_is_told_once(tmp_path):
+    done = CliRunner().invoke(main, ["reproduce", "van_der_pol", "--quick", "--digits", "0", "--out", str(tmp_path)])
+    assert done.exit_code == 2 and done.stdout == "" and done.stderr.count("found 0") == len(done.stderr.splitlines()) == 1
+
+
 def test_an_interrupted_run_leaves_what_was_there(tmp_path, monkeypatch, no_figures):
     (tmp_path / "report.html").write_text("before")
 

@@ -13,9 +13,9 @@ from derive import Problem, derive_amplitude_equation, epsilon, field
 from derive.harmonics import Harmonics
 from derive.latex import Writer, document, latex
 from derive.notation import Notation
-from derive.problem import ProblemError
 from derive.response import Orders, right_hand_sides
 from derive.restricted import conjugate, restricted_problem
+from derive.statement import ProblemError
 from derive.two_times import equations_of, stated_terms
 from derive.vectors import cross, dot, scalar_forms, vector, vector_forms
 
@@ -109,8 +109,7 @@ def test_every_forcing_that_is_written_is_the_one_that_is_integrated(name):
     derivation = derivation_of(name)
     expansion, reduction = derivation.expansion, derivation.reduction
     harmonics, notation = Harmonics(expansion, reduction), Notation(derivation)
-    orders = Orders(expansion, reduction.amplitudes, reduction.functions, reduction.mode.growth)
-    orders.contributions.extend(reduction.mode.contributions)
+    orders = Orders(expansion, reduction.amplitudes, reduction.functions, reduction.mode.growth, reduction.mode.contributions)
     components = [(equation, c) for equation in equations_of(derivation.problem.formulation) for c in equation.components]
     rows = {kind: [one for one in components if one[0].side == kind] for kind in ("row", "left", "right")}
 

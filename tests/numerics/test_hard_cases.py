@@ -13,7 +13,7 @@ from sympy import Rational, Symbol, exp, pi, symbols, tanh
 
 from derive import Problem, derive_amplitude_equation, field
 from derive.cli import main
-from derive.problem import DerivationError, ProblemError
+from derive.statement import DerivationError, ProblemError
 from numerics import EvaluationError, evaluate, evaluate_batch
 from tests.normal_form import Flow, normal_form
 
