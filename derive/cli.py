@@ -284,11 +284,20 @@ def states(target: str, mu: str, digits: int, as_json: bool, as_latex: bool) -> 
 @click.option("--out", default=None, help="Folder for bench.json and the diagrams (SVG, PNG; needs matplotlib).")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of the table.")
 @click.option("--quick", is_flag=True, help="Leave the slow routes out.")
-def bench(targets: tuple[str, ...], out: str | None, as_json: bool, quick: bool) -> int:
-    """Speed against error of every route; exit 1 if a claimed error is below the true one."""
+@click.option("--hard/--no-hard", "with_hard", default=None, help="With the hard cases and the digits lost in each; by default where no target is given, without --quick.")
+def bench(targets: tuple[str, ...], out: str | None, as_json: bool, quick: bool, with_hard: bool | None) -> int:
+    """Speed against error of every route, and hard cases; exit 1 if a claimed error is below the true one."""
     from importlib.util import find_spec
 
-    from numerics.bench import REFERENCE_DIGITS, Measurement, diagram, measure, reference_of, routes_of, table
+    from derive.hard_cases import HardCase, hard_cases
+    from numerics.bench import REFERENCE_DIGITS, Hard, Measurement, diagram, hard_table, measure, measure_hard, reference_of, routes_of, table
+
+    def measured(case: HardCase) -> Hard:
+        try:
+            text = derive_amplitude_equation(case.problem()).emit()
+        except (ProblemError, DerivationError) as refusal:
+            return Hard(name=case.name, outcome="refused", digits=case.digits, said=(str(refusal),))
+        return measure_hard(case.name, text, case.digits, case.near)
 
     if out is not None and find_spec("matplotlib") is None:
         raise click.UsageError("--out: found no matplotlib, which draws the diagrams; install it, or leave --out away")
@@ -301,12 +310,16 @@ def bench(targets: tuple[str, ...], out: str | None, as_json: bool, quick: bool)
         reference, proved[name] = reference_of(text)
         with click.progressbar(routes_of(text, quick), label=name, file=sys.stderr, hidden=not sys.stderr.isatty()) as routes:
             measurements += [measure(name, route, reference) for route in routes]
-    plain = {"reference_digits": str(REFERENCE_DIGITS), "reference_certified": proved, "measurements": [one.as_dict() for one in measurements]}
+    hard: list[Hard] = []
+    if with_hard if with_hard is not None else not targets and not quick:
+        with click.progressbar(list(hard_cases()), label="hard cases", file=sys.stderr, hidden=not sys.stderr.isatty()) as cases:
+            hard = [measured(case) for case in cases]
+    plain = {"hard_cases": [one.as_dict() for one in hard], "reference_digits": str(REFERENCE_DIGITS), "reference_certified": proved, "measurements": [one.as_dict() for one in measurements]}
     if out is not None:
         diagrams = {Path(out) / f"{name}.{kind}": diagram(name, measurements, kind) for name, _ in problems for kind in ("svg", "png")}
         write_files({Path(out) / "bench.json": json.dumps(plain, indent=1) + "\n", **diagrams})
-    click.echo(json.dumps(plain) if as_json else table(measurements, proved))
-    failed = [f"{one.problem}, {one.route}: {text}" for one in measurements for text in one.failures]
+    click.echo(json.dumps(plain) if as_json else table(measurements, proved) + (hard_table(hard) if hard else ""))
+    failed = [f"{one.problem}, {one.route}: {text}" for one in measurements for text in one.failures] + [f"{one.name}: {'; '.join(one.said)}" for one in hard if one.outcome == "WRONG"]
     for text in failed:
         click.echo(f"fredholm: claimed error below the true one: {text}", err=True)
     return 1 if failed else 0

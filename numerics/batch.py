@@ -156,17 +156,19 @@ class Evaluator:
         self.nominal_point = np.array([[self.nominal[name] for name in self.names.values()]])
         self.listed = [*names["COEFFICIENTS"], *([names["QUADRATIC"]] if names["QUADRATIC"] is not None else [])]
         self.explicit: Explicit | None = None
+        self.ill = math.inf
         self.growth = next((identifier for _, monomial, identifier in self.listed if monomial == "mu*A"), "")
-        self.choose_resolution()
-        nodes, panels = self.resolution
-        if panels == 1 and self.ends:
-            with suppress(NotRecorded):
-                explicit = Explicit(names, self.ends, nodes, list(self.names.values()), self.scales["mode"])  # type: ignore[arg-type]
-                explicit.prepare(self.start.control, self.start.frequency, jolted(self.nominal_point, 2))
-                self.explicit = explicit
-        if self.ends and self.explicit is None:
-            self.confirm(text)
         with np.errstate(all="ignore"):
+            self.choose_resolution()
+            nodes, panels = self.resolution
+            if panels == 1 and self.ends:
+                with suppress(NotRecorded):
+                    explicit = Explicit(names, self.ends, nodes, list(self.names.values()), self.scales["mode"])  # type: ignore[arg-type]
+                    explicit.prepare(self.start.control, self.start.frequency, jolted(self.nominal_point, 2))
+                    self.explicit = explicit
+            self.ill = float(self.raw_values(self.start, self.nominal_point)[1][0])
+            if self.ends and self.explicit is None:
+                self.confirm(text)
             self.slopes = self.derivatives(*self.onset, self.nominal_point)[1:]
 
     # Algebra and threshold
@@ -266,6 +268,11 @@ class Evaluator:
 
     def values(self, roots: Roots, points: Array) -> tuple[dict[str, Array], Array, list[tuple[Array, str]]]:
         """Return the coefficients, shape (rules, batch), how ill-conditioned the entries are, and those that have none, with the reason."""
+        result, ill, troubles = self.raw_values(roots, points)
+        return result, ill, [(~(ill < 1e9 * self.ill), "threshold: the product of direct and adjoint mode vanishes: the critical eigenvalue is defective"), *troubles]
+
+    def raw_values(self, roots: Roots, points: Array) -> tuple[dict[str, Array], Array, list[tuple[Array, str]]]:
+        """Return the same without a look for defective eigenvalues, which are told by their distance from the nominal one."""
         names = self.module.names
         if self.explicit:
             return self.explicit.values(roots.control, roots.frequency, jolted(points, len(roots.control)))
@@ -273,12 +280,11 @@ class Evaluator:
         result: dict[str, Array] = {}
         size = largest_of(names["mode"](a)) * largest_of(names["adjoint_mode"](a))
         total = a.number(names["xi"](a))
-        troubles = [(~(np.abs(total).min(axis=0) > 1e-9 * size), "threshold: the product of direct and adjoint mode vanishes: the critical eigenvalue is defective")]
         for _, _, identifier in self.listed:
             result[identifier] = a.number(names[identifier](a))
         for name, _, _ in names["WEAK"]:
             result[name] = a.number(names[name](a))
-        return result, 1 + size / np.abs(total).min(axis=0), [*troubles, *a.troubles]
+        return result, 1 + size / np.abs(total).min(axis=0), a.troubles
 
     def contradictions(self, roots: Roots, points: Array) -> list[tuple[Array, str]]:
         """Return the entries at which redundant equations contradict each other, or the two senses of rotation differ, with the reason."""

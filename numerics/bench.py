@@ -8,6 +8,7 @@ import statistics
 import time
 import tracemalloc
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +17,7 @@ import numpy as np
 from flint import arb
 
 from numerics import batch, doubles, explicit, sampled
-from numerics.coefficients import Module, Resolution, Result, compute, evaluate, uniform
+from numerics.coefficients import GUARD, Module, Resolution, Result, beginning, compute, evaluate, level_of, nodes_for, uniform
 from numerics.naive import Naive, Nested, NestedFiner, Sums, evaluate_naively
 from numerics.precision import EvaluationError, bits_of, working_precision
 
@@ -164,10 +165,10 @@ def number_of(context: Any, value: Any) -> Any:
     return context.mpc(*value) if isinstance(value, tuple) else context.mpc(value)
 
 
-def compared(values: Values, reference: Values) -> tuple[float, float | None, tuple[str, ...]]:
-    """Return the largest true and claimed relative errors, and where a claimed error is below the true one."""
+def compared(values: Values, reference: Values, digits: int = REFERENCE_DIGITS) -> tuple[Any, Any, tuple[str, ...]]:
+    """Return the largest true and claimed relative errors (numbers of mpmath; None: nothing is claimed), and where a claimed error is below the true one."""
     context = mpmath.MPContext()  # type: ignore[attr-defined]
-    context.dps = REFERENCE_DIGITS + 10
+    context.dps = digits + 10
     true_error, claimed_error = context.mpf(0), None
     failures = []
     for name, (truth, uncertainty) in reference.items():
@@ -184,7 +185,76 @@ def compared(values: Values, reference: Values) -> tuple[float, float | None, tu
             claimed_error = max(claimed_error or context.mpf(0), claim / scale)
             if error > claim + context.mpf(uncertainty or 0):
                 failures.append(f"{name}: true error {context.nstr(error, 3)}, claimed {context.nstr(claim, 3)}")
-    return float(true_error), None if claimed_error is None else float(claimed_error), tuple(failures)
+    return true_error, claimed_error, tuple(failures)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hard:
+    """A hard case: right, refused or WRONG; digits asked for, true and claimed error, digits lost by one computation, error of doubles (None: refused), seconds."""
+
+    name: str
+    outcome: str
+    digits: int
+    route: str = ""
+    true_error: str = ""
+    claimed_error: str = ""
+    lost: float = 0.0
+    doubles: float | None = None
+    seconds: float = 0.0
+    said: tuple[str, ...] = ()
+    """the refusal, or the warnings"""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain data; numbers are strings."""
+        return {"name": self.name, "outcome": self.outcome, "digits": self.digits, "route": self.route, "true_error": self.true_error, "claimed_error": self.claimed_error,
+                "digits_lost": f"{self.lost:.1f}", "error_of_doubles": None if self.doubles is None else f"{self.doubles:.3g}", "seconds": f"{self.seconds:.3g}", "said": list(self.said)}
+
+
+def measure_hard(name: str, text: str, digits: int, near: tuple[str, str] | None) -> Hard:
+    """Return what a hard case gives, beside a computation of more digits by another route."""
+    begun = time.process_time()
+    try:
+        result = evaluate(text, digits=digits, near=near)
+    except EvaluationError as refusal:
+        return Hard(name=name, outcome="refused", digits=digits, said=(str(refusal),))
+    seconds = time.process_time() - begun
+    truth = second_route(text, result, near)
+    true_error, claimed_error, failures = compared(of_result(result), truth, digits + 60)
+    doubles = None
+    if near is None:
+        with suppress(EvaluationError):
+            doubles = float(compared(of_batch(batch.evaluate_batch(text)), truth)[0])
+    return Hard(name=name, outcome="right" if not failures and true_error <= mpmath.mpf(10) ** -digits else "WRONG", digits=digits, route=result.route,
+                true_error=mpmath.nstr(true_error, 2), claimed_error=mpmath.nstr(claimed_error, 2), lost=max(0.0, lost_digits(text, result, truth, near)), doubles=doubles, seconds=seconds,
+                said=(*failures, *result.warnings))
+
+
+def second_route(text: str, result: Result, near: tuple[str, str] | None) -> Values:
+    """Return 40 digits more by another route: enclosures where the closed form has them, else the other rule."""
+    digits = result.digits + 40
+    if near is None and result.route == "closed":
+        with suppress(EvaluationError):
+            return of_result(evaluate(text, digits=digits, certify=True, count=False))
+    return of_result(evaluate(text, digits=digits, route="chebyshev" if result.route == "closed" else "quadrature", near=near))
+
+
+def lost_digits(text: str, result: Result, truth: Values, near: tuple[str, str] | None) -> float:
+    """Return how many of the digits of the working precision a single computation does not keep, in the worst of its coefficients."""
+    module = Module(text)
+    goal = bits_of(result.digits)
+    onset, width, breaks = beginning(module, result.route, goal, near)
+    resolution = Resolution(nodes=nodes_for(goal), breaks=breaks)
+    found = compute(module, result.route, goal, GUARD, resolution, onset, None, width)
+    working = level_of(module, result.route, goal, resolution, GUARD).bits / bits_of(1000) * 1000
+    context = mpmath.MPContext()  # type: ignore[attr-defined]
+    context.dps = result.digits + 60
+    worst = context.mpf(10) ** -round(working)
+    for name, _, identifier in (*module.COEFFICIENTS, *([module.QUADRATIC] if module.QUADRATIC is not None else [])):
+        if identifier in found.values and name in truth:
+            exact, one = number_of(context, truth[name][0]), found.values[identifier]
+            value = context.mpc(arb_text(one.real, context.dps), arb_text(one.imag, context.dps) if module.KIND == "hopf" else 0)
+            worst = max(worst, abs(value - exact) / abs(exact)) if exact else worst
+    return float(working + context.log10(worst))
 
 
 def forget() -> None:
@@ -223,8 +293,8 @@ def measure(problem: str, route: Route, reference: Values) -> Measurement:
         finally:
             tracemalloc.stop()
     true_error, claimed_error, failures = compared(values, reference)
-    return Measurement(problem=problem, route=route.name, family=route.family, cold=cold / route.entries, warm=warm / route.entries, true_error=true_error, claimed_error=claimed_error,
-                       memory=memory, failures=failures)
+    return Measurement(problem=problem, route=route.name, family=route.family, cold=cold / route.entries, warm=warm / route.entries, true_error=float(true_error),
+                       claimed_error=None if claimed_error is None else float(claimed_error), memory=memory, failures=failures)
 
 
 def table(measurements: Sequence[Measurement], proved: Mapping[str, bool]) -> str:
@@ -244,6 +314,20 @@ def table(measurements: Sequence[Measurement], proved: Mapping[str, bool]) -> st
             lines.append(f"  {one.route:34}{shown(one.warm):>12}{shown(one.cold):>12}{one.true_error:>12.1e}{claimed:>12}{memory:>12}" + "".join(f"  FAILED {text}" for text in one.failures))
         lines.append("")
     return "\n".join(lines)
+
+
+def hard_table(cases: Sequence[Hard]) -> str:
+    """Return the hard cases as text."""
+    lines = ["hard cases: true error against 40 digits more by another route; digits of the working precision that one computation loses; what doubles give",
+             f"  {'case':44}{'outcome':>9}{'digits':>8}{'route':>11}{'true error':>12}{'claimed':>12}{'lost':>7}{'doubles':>10}{'time':>10}"]
+    for one in cases:
+        if one.outcome == "refused":
+            lines.append(f"  {one.name:44}  refused: {one.said[0]}"[:200])
+            continue
+        doubles = "refused" if one.doubles is None else f"{one.doubles:.1e}"
+        lines.append(f"  {one.name:44}{one.outcome:>9}{one.digits:>8}{one.route:>11}{one.true_error:>12}{one.claimed_error:>12}{one.lost:>7.1f}{doubles:>10}{shown(one.seconds):>10}"
+                     + ("  warned" if one.said else ""))
+    return "\n".join([*lines, ""])
 
 
 def shown(seconds: float) -> str:
@@ -284,4 +368,4 @@ def diagram(problem: str, measurements: Sequence[Measurement], kind: str) -> byt
     return content.getvalue()
 
 
-__all__ = ["Measurement", "Route", "diagram", "measure", "reference_of", "routes_of", "table"]
+__all__ = ["Hard", "Measurement", "Route", "diagram", "hard_table", "measure", "measure_hard", "reference_of", "routes_of", "table"]

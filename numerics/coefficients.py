@@ -354,12 +354,9 @@ def evaluate(emitted: str | Path | Mapping[str, Any], digits: int = 15, route: s
 def evaluate_route(module: Module, digits: int, route: str, near: tuple[str, str | None] | None = None, only: tuple[str, ...] = ()) -> Result:
     """Return the result of one route, raising precision and resolution until two computations agree to the digits."""
     goal = max(bits_of(digits + 3), TELLS_ZERO if module.QUADRATIC is not None and not module.names.get("ODD", False) else 0)
-    guard, sampled = GUARD, module.SPATIAL and route != "closed"
-    with working_precision(max(goal, 96)):
-        control, frequency = near if near is not None else module.ONSET
-        onset = (arb(control), arb(frequency) if module.KIND == "hopf" else None)
-        width = None if near is None else (20 * max_of(abs(onset[0]), module.width * arb(2) ** -8)).mid()  # a root within two per cent of what was said
-    resolution = Resolution(nodes=nodes_for(goal), breaks=adapted(module, route, onset, width) if sampled else UNIFORM)
+    guard = GUARD
+    onset, width, breaks = beginning(module, route, goal, near)
+    resolution = Resolution(nodes=nodes_for(goal), breaks=breaks)
     previous: Computed | None = None
     root: Root | None = None
     seconds = [0.0, 0.0]
@@ -388,6 +385,15 @@ def evaluate_route(module: Module, digits: int, route: str, near: tuple[str, str
         guard += 40
         resolution = Resolution(nodes=resolution.nodes + 6 + resolution.nodes // 16, breaks=resolution.breaks)
     raise EvaluationError(f"{module.NAME}: {digits} digits by {route} are not reached: {reason}; ask for fewer digits or another route")
+
+
+def beginning(module: Module, route: str, goal: int, near: tuple[str, str | None] | None) -> tuple[tuple[arb, arb | None], arb | None, tuple[Fraction, ...]]:
+    """Return where Newton's method starts, the width of its neighbourhood (None: of the control range), and the panels."""
+    with working_precision(max(goal, 96)):
+        control, frequency = near if near is not None else module.ONSET
+        onset = (arb(control), arb(frequency) if module.KIND == "hopf" else None)
+        width = None if near is None else (20 * max_of(abs(onset[0]), module.width * arb(2) ** -8)).mid()  # a root within two per cent of what was said
+    return onset, width, adapted(module, route, onset, width) if module.SPATIAL and route != "closed" else UNIFORM
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

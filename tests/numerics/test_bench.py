@@ -9,6 +9,7 @@ from click.testing import CliRunner
 from conftest import derivation_of, result_of
 
 from derive.cli import main
+from derive.hard_cases import hard_cases
 from numerics import bench
 from numerics.bench import Measurement, Route, compared, diagram, measure, of_result, table
 from numerics.naive import Nested, Sums, evaluate_naively
@@ -93,6 +94,34 @@ def test_command_fails_on_a_claim_that_is_too_small(monkeypatch):
     assert done.exit_code == 1
     assert "claimed error below the true one: van_der_pol, liar: A**2*conj(A)" in done.stderr
     assert "FAILED" in done.stdout
+
+
+def some_cases():
+    """A case that is right, one that loses digits, and one that is refused."""
+    return [one for one in hard_cases() if one.name in ("exponents 40 +- i pi", "second harmonic 1e-4 from resonance", "Hopf, omega^2 = 0", "parameters of size 1e12")]
+
+
+def test_hard_cases_are_reported_with_the_digits_lost(monkeypatch):
+    monkeypatch.setattr(bench, "routes_of", routes)
+    monkeypatch.setattr("derive.hard_cases.hard_cases", some_cases)
+    done = CliRunner().invoke(main, ["bench", "van_der_pol", "--hard", "--json"])
+    assert done.exit_code == 0, done.output
+    found = {one["name"]: one for one in json.loads(done.stdout)["hard_cases"]}
+    assert found["Hopf, omega^2 = 0"]["outcome"] == "refused" and "stable" in found["Hopf, omega^2 = 0"]["said"][0]
+    assert float(found["exponents 40 +- i pi"]["digits_lost"]) > 5
+    assert 2 < float(found["second harmonic 1e-4 from resonance"]["digits_lost"]) < 8
+    assert float(found["parameters of size 1e12"]["error_of_doubles"]) < 1e-12
+    assert all(float(one["true_error"]) <= float(one["claimed_error"]) < 1e-16 for one in found.values() if one["outcome"] == "right")
+    done = CliRunner().invoke(main, ["bench", "van_der_pol", "--hard"])
+    assert "hard cases" in done.stdout and "refused: " in done.stdout
+
+
+def test_a_wrong_hard_case_fails(monkeypatch):
+    monkeypatch.setattr(bench, "routes_of", routes)
+    monkeypatch.setattr("derive.hard_cases.hard_cases", lambda: some_cases()[:1])
+    monkeypatch.setattr(bench, "second_route", lambda text, result, near: {"control": ("1600", None), **{one.name: ((one.value.re, one.value.im), None) for one in result.coefficients}})
+    done = CliRunner().invoke(main, ["bench", "van_der_pol", "--hard"])
+    assert done.exit_code == 1 and "WRONG" in done.stdout and "exponents 40 +- i pi" in done.stderr
 
 
 def test_table_and_diagram_hold_every_route():

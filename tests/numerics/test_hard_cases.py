@@ -9,28 +9,18 @@ import pytest
 from click.testing import CliRunner
 from conftest import derivation_of
 from mpmath import mp
-from sympy import Rational, Symbol, exp, pi, symbols, tanh
+from sympy import Rational, pi
 
-from derive import Problem, derive_amplitude_equation, field
+from derive import derive_amplitude_equation, hard_cases
 from derive.cli import main
+from derive.hard_cases import c, s, t, u, x
 from derive.statement import DerivationError, ProblemError
 from numerics import EvaluationError, evaluate, evaluate_batch
 from tests.normal_form import Flow, normal_form
 
-s, t = symbols("s t", real=True)
-c = Symbol("c", real=True)
-u = field("u", s, t)
-x, y = field("x", t), field("y", t)
 
-
-def emitted(equations, base, control_range, normalisation, **more):
-    equations = equations if isinstance(equations, tuple) else (equations,)
-    return derive_amplitude_equation(Problem(
-        name="hard", time=t, control=c, control_range=control_range, fields=tuple(base), equations=equations, base_state=base, normalisation=normalisation, **more)).emit()
-
-
-def on_interval(equation, length, rows, control_range, place):
-    return emitted(equation, {u: 0}, control_range, (u, place), space=s, interval=(0, length), boundary={0: rows, length: rows})
+def emitted(problem):
+    return derive_amplitude_equation(problem).emit()
 
 
 def close(number, true, digits):
@@ -54,8 +44,7 @@ def agree(first, second, digits):
 
 @pytest.mark.parametrize("distance", ["1e-1", pytest.param("1e-5", marks=pytest.mark.slow), "1e-15", pytest.param("1e-30", marks=pytest.mark.slow), "0"])
 def test_characteristic_exponents_that_meet(distance):
-    length = pi * (1 + Rational(distance) / 2)
-    text = on_interval(u.diff(t) - (c + 1) * u + u + 2 * u.diff(s, 2) + u.diff(s, 4) + u**3, length, (u, u.diff(s, 2)), (-2, 0), length / 2)
+    text = emitted(hard_cases.meeting_exponents(distance))
     for route in ("auto", "chebyshev"):
         result = evaluate(text, digits=20, route=route)
         with mp.workdps(90):
@@ -84,9 +73,7 @@ def test_a_start_that_is_no_critical_point_is_refused():
 
 @pytest.mark.parametrize("stiffness", ["1/40", pytest.param("1/1000", marks=pytest.mark.slow)])
 def test_large_exponents_and_boundary_layers(stiffness):
-    """u_t = -(e u'')'' + u'' + c u - u^3 clamped: exponents +-1/sqrt(e) = 40 and 1000, layers of that width at both ends."""
-    text = emitted(u.diff(t) + Rational(stiffness) ** 2 * u.diff(s, 4) - u.diff(s, 2) - c * u + u**3 + u**2 * u.diff(s), {u: 0}, (0, 20), (u, Rational(1, 2)),
-                   space=s, interval=(0, 1), boundary={0: (u, u.diff(s)), 1: (u, u.diff(s))})
+    text = emitted(hard_cases.boundary_layers(stiffness))
     first, second = evaluate(text, digits=12, route="closed"), evaluate(text, digits=24, route="quadrature")
     agree(first, second, 12)
     agree(evaluate(text, digits=12, route="chebyshev"), second, 12)
@@ -97,7 +84,7 @@ def test_large_exponents_and_boundary_layers(stiffness):
 
 @pytest.mark.parametrize("k", ["1", "1e-2", "1e-8", "1e-12"])
 def test_slow_oscillation(k):
-    text = emitted(x.diff(t, 2) + Rational(k) * x - (c - x**2) * x.diff(t) + x**3, {x: 0}, (-1, 1), (x, None))
+    text = emitted(hard_cases.slow_oscillation(k))
     result = evaluate(text, digits=20)
     with mp.workdps(50):
         omega = mp.sqrt(mp.mpf(k))
@@ -108,19 +95,14 @@ def test_slow_oscillation(k):
 @pytest.mark.parametrize("k", ["1e-30", "0", "-1e-12", "-1e-3"])
 def test_no_oscillation_is_refused(k):
     with pytest.raises((DerivationError, ProblemError), match="double eigenvalue|stable at the lower end"):
-        emitted(x.diff(t, 2) + Rational(k) * x - (c - x**2) * x.diff(t) + x**3, {x: 0}, (-1, 1), (x, None))
-
-
-def slow_text(k, unit=1):
-    """Time in units of `unit`, control in units of 1/unit: distances do not depend on it."""
-    return emitted(unit**2 * x.diff(t, 2) + Rational(k) * x - unit * (unit * c - x**2) * x.diff(t) + x**3, {x: 0}, (-Rational(1) / unit, Rational(1) / unit), (x, None))
+        emitted(hard_cases.slow_oscillation(k))
 
 
 @pytest.mark.parametrize("unit", [1, 10**6])
 def test_a_hopf_bifurcation_near_a_steady_one_is_warned_of(unit):
-    """lambda^2 - c lambda + k = 0 has a double root at c = 2 sqrt(k); |D_l^2 / (2 D_ll D_c)| = sqrt(k), the lower end is at -1."""
-    assert not evaluate(slow_text("1e-2", unit), digits=12).warnings
-    (line,) = (line for line in evaluate(slow_text("1e-8", unit), digits=12).warnings if "steady instability" in line)
+    """Distances do not depend on units: lambda^2 - c lambda + k = 0 has a double root at c = 2 sqrt(k); |D_l^2 / (2 D_ll D_c)| = sqrt(k), the lower end is at -1."""
+    assert not evaluate(emitted(hard_cases.slow_oscillation("1e-2", unit)), digits=12).warnings
+    (line,) = (line for line in evaluate(emitted(hard_cases.slow_oscillation("1e-8", unit)), digits=12).warnings if "steady instability" in line)
     assert float(line.split("about ")[1].split()[0]) == pytest.approx(1e-4, rel=0.05)
 
 
@@ -140,14 +122,10 @@ problem = Problem(name="slow", time=t, control=c, control_range=(-1, 1), fields=
     assert "steady instability is close" in done.stderr and "warning" in done.stderr
 
 
-def nearly_double(d):
-    return emitted((x.diff(t) - y, y.diff(t) - c * x + Rational(d) * y + x**3), {x: 0, y: 0}, (-1, 1), (x, None))
-
-
 def test_a_nearly_defective_steady_eigenvalue_is_right_and_warned_of():
     """lambda^2 + d lambda - c = 0 has a double root at c = -d^2/4; A' = (mu A - A^3)/d."""
-    assert not evaluate(nearly_double("1e-1"), digits=12).warnings
-    result = evaluate(nearly_double("1e-3"), digits=12)
+    assert not evaluate(emitted(hard_cases.nearly_double("1e-1")), digits=12).warnings
+    result = evaluate(emitted(hard_cases.nearly_double("1e-3")), digits=12)
     assert close(result["A**3"].value, -1000, 12)
     (line,) = (line for line in result.warnings if "nearly defective" in line)
     assert float(line.split("about ")[1].split()[0]) == pytest.approx(2.5e-7, rel=0.05)
@@ -156,19 +134,15 @@ def test_a_nearly_defective_steady_eigenvalue_is_right_and_warned_of():
 @pytest.mark.parametrize("d", ["1e-9", "1e-20"])
 def test_a_defective_eigenvalue_is_refused(d):
     with pytest.raises((ProblemError, EvaluationError), match="defective|strictly stable"):
-        evaluate(nearly_double(d), digits=12)
+        evaluate(emitted(hard_cases.nearly_double(d)), digits=12)
 
 
-# Resonances: x'' + x = c x' + x y - x^3, y'' + 2 d y' + (4 + d^2) y = x^2 has the eigenvalue -d + 2 i
-
-
-def resonant_text(d):
-    return emitted((x.diff(t, 2) - c * x.diff(t) + x - x * y + x**3, y.diff(t, 2) + 2 * d * y.diff(t) + (4 + d**2) * y - x**2), {x: 0, y: 0}, (-1, 1), (x, None))
+# Resonances
 
 
 @pytest.mark.parametrize("d", ["1e-1", "1e-4"])
 def test_a_nearly_resonant_second_harmonic_is_right_and_warned_of(d):
-    result = evaluate(resonant_text(Rational(d)), digits=20)
+    result = evaluate(emitted(hard_cases.resonant(d)), digits=20)
     f, one, zero = Fraction(d), Fraction(1), Fraction(0)
     flow = Flow(
         linear=(((zero, one, zero, zero), (-one, zero, zero, zero), (zero, zero, zero, one), (zero, zero, -4 - f * f, -2 * f)),
@@ -183,42 +157,35 @@ def test_a_nearly_resonant_second_harmonic_is_right_and_warned_of(d):
 
 def test_a_resonant_second_harmonic_is_refused():
     with pytest.raises(ProblemError, match="2i at c"):
-        resonant_text(Rational(0))
+        emitted(hard_cases.resonant(0))
 
 
 @pytest.mark.parametrize("d", ["1e-1", "1e-5"])
 def test_a_nearly_neutral_mean_mode_is_warned_of(d):
     """x'' + x = c x' - x y, y' = (c - d) y + x^2: y_0 = 2 |A|^2/d, y_2 = A^2/(d + 2 i), 2 i A' = -(A y_0 + conj(A) y_2) + ..."""
-    text = emitted((x.diff(t, 2) - c * x.diff(t) + x + x * y, y.diff(t) + (Rational(d) - c) * y - x**2), {x: 0, y: 0}, (-1, 1), (x, None))
-    result = evaluate(text, digits=20)
+    result = evaluate(emitted(hard_cases.neutral_mean(d)), digits=20)
     with mp.workdps(50):
         delta = mp.mpf(d)
         assert close(result["A**2*conj(A)"].value, -(2 / delta + 1 / (delta + 2j)) / 2j, 20)
     assert any("harmonic 0" in line for line in result.warnings) == (d == "1e-5")
 
 
-def two_modes(d):
-    return emitted((x.diff(t, 2) - c * x.diff(t) + x + x**2 * x.diff(t), y.diff(t, 2) - (c - d) * y.diff(t) + 3 * y + y * x), {x: 0, y: 0}, (-1, 1), (x, None))
-
-
 def test_two_modes_nearly_critical_together():
-    near, far = evaluate(two_modes(Rational("1e-4")), digits=20), evaluate(two_modes(Rational(1, 10)), digits=20)
+    near, far = (evaluate(emitted(hard_cases.two_modes(d)), digits=20) for d in ("1e-4", "1e-1"))
     assert close(near["A**2*conj(A)"].value, mp.mpf(-1) / 2, 20)
     assert any("critical together" in line and "-5e-05 + 1.732i" in line for line in near.warnings)
     assert not far.warnings
     with pytest.raises(DerivationError, match="several modes are critical together"):
-        two_modes(Rational(0))
+        emitted(hard_cases.two_modes(0))
 
 
 def test_a_damped_mode_is_not_nearly_critical_because_it_turns_fast():
     """u_tt + 2 u_t + u_ssss + c u_ss + u^3 = 0, pinned: all modes but the critical one decay at the rate 1, whatever their frequency."""
-    fast = emitted(u.diff(t, 2) + 2 * u.diff(t) + u.diff(s, 4) + c * u.diff(s, 2) + u**3, {u: 0}, (0, 3), (u, pi / 2),
-                   space=s, interval=(0, pi), boundary={0: (u, u.diff(s, 2)), pi: (u, u.diff(s, 2))})
+    fast = emitted(hard_cases.on_interval(u.diff(t, 2) + 2 * u.diff(t) + u.diff(s, 4) + c * u.diff(s, 2) + u**3, pi, (u, u.diff(s, 2)), (0, 3), pi / 2))
     result = evaluate(fast, digits=15)
     assert Decimal(result.threshold.control) == 1 and not result.warnings
     # clamped and pinned on a foundation: the rightmost four of those that decay at the rate 1 are what rounding makes them, here the fastest
-    clamped = emitted(u.diff(t, 2) + 2 * u.diff(t) + u.diff(s, 4) + c * u.diff(s, 2) + 10 * u + u**3, {u: 0}, (0, 60), (u, Rational(1, 2)),
-                      space=s, interval=(0, 1), boundary={0: (u, u.diff(s)), 1: (u, u.diff(s, 2))})
+    clamped = emitted(hard_cases.on_interval(u.diff(t, 2) + 2 * u.diff(t) + u.diff(s, 4) + c * u.diff(s, 2) + 10 * u + u**3, 1, (u, u.diff(s)), (0, 60), Rational(1, 2), (u, u.diff(s, 2))))
     assert not evaluate(clamped, digits=15).warnings
 
 
@@ -228,8 +195,7 @@ def test_a_damped_mode_is_not_nearly_critical_because_it_turns_fast():
 @pytest.mark.parametrize(("q", "place", "route"), [(40, Rational(1, 2), "chebyshev"), (200, Rational(9, 10), "closed")])
 def test_strong_advection(q, place, route):
     """u_t = u'' - 2 q u' + c u - u^3: exponents q +- i pi, c = q^2 + pi^2, the mode exp(q s) sin(pi s), the adjoint exp(-q s) sin(pi s)."""
-    text = emitted(u.diff(t) - u.diff(s, 2) + 2 * q * u.diff(s) - c * u + u**3, {u: 0}, (0, 2 * q**2 + 40), (u, place), space=s, interval=(0, 1), boundary={0: (u,), 1: (u,)})
-    result = evaluate(text, digits=12, route=route)
+    result = evaluate(emitted(hard_cases.strong_advection(q, place)), digits=12, route=route)
     with mp.workdps(60):
         assert abs(mp.mpf(result.threshold.control) - q * q - mp.pi**2) < mp.mpf("1e-12") * q * q
         # -2 int_0^1 exp(2 q (s - place)) sin(pi s)^4 / sin(pi place)^2 ds
@@ -241,8 +207,7 @@ def test_strong_advection(q, place, route):
 @pytest.mark.parametrize("steep", [pytest.param(100, marks=pytest.mark.slow), pytest.param(1000, marks=pytest.mark.slow)])
 def test_a_thin_interior_layer_of_a_coefficient(steep):
     """A coefficient that jumps at s = 1/2 within 1/steep: two routes with other nodes agree, and the limit of a jump is near."""
-    text = emitted(u.diff(t) - u.diff(s, 2) - c * u * (1 + tanh(steep * (s - Rational(1, 2))) / 2) + u**3, {u: 0}, (0, 60), (u, Rational(1, 2)),
-                   space=s, interval=(0, 1), boundary={0: (u,), 1: (u,)})
+    text = emitted(hard_cases.interior_layer(steep))
     first = evaluate(text, digits=8, route="chebyshev")
     agree(first, evaluate(text, digits=16, route="quadrature"), 8)
     # k_1 cot(k_1/2) + k_2 cot(k_2/2) = 0 with k^2 = c/2 and 3 c/2
@@ -253,16 +218,13 @@ def test_a_thin_interior_layer_of_a_coefficient(steep):
 @pytest.mark.parametrize("steep", [pytest.param(30, marks=pytest.mark.slow), pytest.param(1000, marks=pytest.mark.slow)])
 def test_a_thin_layer_of_a_coefficient(steep):
     """A coefficient with a layer of width 1/steep at the wall: two routes with other nodes agree."""
-    text = emitted(u.diff(t) - u.diff(s, 2) - c * u * tanh(steep * s) + u**3 * (1 + exp(-steep * s)), {u: 0}, (0, 30), (u, 1),
-                   space=s, interval=(0, 1), boundary={0: (u,), 1: (u.diff(s),)})
+    text = emitted(hard_cases.wall_layer(steep))
     agree(evaluate(text, digits=8, route="chebyshev"), evaluate(text, digits=16, route="quadrature"), 8)
 
 
 @pytest.mark.parametrize("width", ["1/100", "1/1000", pytest.param("1/100000", marks=pytest.mark.slow)])
 def test_a_narrow_bump_of_a_coefficient_is_not_stepped_over(width):
-    # u_t = c (1 + e^{-((s - 1/3)/d)^2}) u + u_ss - u^3: c = pi^2 (1 - 2 sin(pi/3)^2 sqrt(pi) d) + O(d^2), and no node need lie within the bump
-    width = Rational(width)
-    text = on_interval(u.diff(t) - c * (1 + exp(-((s - Rational(1, 3)) / width) ** 2)) * u - u.diff(s, 2) + u**3, 1, (u,), (0, 30), Rational(1, 2))
+    text, width = emitted(hard_cases.narrow_bump(width)), Rational(width)
     result = evaluate(text, digits=12)
     first = float(pi**2) * (1 - 1.5 * float(pi) ** 0.5 * float(width))
     assert abs(float(result.threshold.control) - first) < 60 * float(width) ** 2
@@ -276,7 +238,7 @@ def test_a_narrow_bump_of_a_coefficient_is_not_stepped_over(width):
 
 @pytest.mark.slow
 def test_a_narrow_bump_is_certified():
-    text = on_interval(u.diff(t) - c * (1 + exp(-((s - Rational(1, 3)) * 100) ** 2)) * u - u.diff(s, 2) + u**3, 1, (u,), (0, 30), Rational(1, 2))
+    text = emitted(hard_cases.narrow_bump("1/100"))
     agree(evaluate(text, digits=12, certify=True, count=False), evaluate(text, digits=20), 12)
 
 
@@ -296,7 +258,7 @@ def test_a_rapidly_oscillating_mode(route):
 
 @cache
 def rapid():
-    return on_interval(u.diff(t) - c * u + 2 * u.diff(s, 2) / 144 + u.diff(s, 4) / 20736 + u**3, pi, (u, u.diff(s, 2)), (-2, 0), pi / 24)
+    return emitted(hard_cases.rapid_mode())
 
 
 # Parameters of any size
@@ -306,9 +268,7 @@ def rapid():
 @pytest.mark.parametrize("route", ["closed", "chebyshev"])
 def test_parameters_of_any_size(size, route):
     """u_t = D u'' + c u - u^3/D on (0, 1): threshold D pi^2, A^3 coefficient -3/(4 D)."""
-    d = Rational(size)
-    text = emitted(u.diff(t) - d * u.diff(s, 2) - c * u + u**3 / d, {u: 0}, (0, 20 * d), (u, Rational(1, 2)), space=s, interval=(0, 1), boundary={0: (u,), 1: (u,)})
-    result = evaluate(text, digits=17, route=route)
+    result = evaluate(emitted(hard_cases.scaled(size)), digits=17, route=route)
     with mp.workdps(40):
         assert abs(mp.mpf(result.threshold.control) - mp.mpf(size) * mp.pi**2) < mp.mpf("1e-16") * mp.mpf(size)
         assert close(result["A**3"].value, -3 / (4 * mp.mpf(size)), 17)
@@ -316,7 +276,7 @@ def test_parameters_of_any_size(size, route):
 
 def test_a_tiny_threshold_is_not_zero():
     """x' = (c/h - 1/4) x - x^3 with h = 1e-12: the threshold 2.5e-13 is far below 10^-5 and still has five digits."""
-    result = evaluate(emitted(x.diff(t) - (c * 10**12 - Rational(1, 4)) * x + x**3, {x: 0}, (-1, 1), (x, None)), digits=5)
+    result = evaluate(emitted(hard_cases.ordinary((x.diff(t) - (c * 10**12 - Rational(1, 4)) * x + x**3,), {x: 0})), digits=5)
     assert abs(Decimal(result.threshold.control) - Decimal("2.5e-13")) < Decimal("1e-18")
 
 
