@@ -15,7 +15,7 @@ from flint import acb, acb_poly, arb
 from numerics.algebra import Operator, Row, number
 from numerics.certified_linear import CertifiedConstants, upper
 from numerics.certified_series import PowerSeries, Series, exact
-from numerics.precision import EvaluationError
+from numerics.precision import EvaluationError, working_precision
 
 if TYPE_CHECKING:
     from numerics.coefficients import Module
@@ -112,3 +112,26 @@ def scouted(module: Module, control: acb, frequency: acb, breaks: Sequence[Fract
             found.add(middle)
             pending += [(a, middle), (middle, b)]
     return tuple(sorted(found))
+
+
+def finest_variation(module: Module) -> Fraction:
+    """Return the width, as a share of the interval, of the narrowest panel on which a function of s still varies by a thousandth of its size."""
+    if not module.SPATIAL:
+        return Fraction(1)
+    with working_precision(GOAL + 50):
+        control, frequency = acb(module.ONSET[0]), acb(module.ONSET[1] or 0)
+        breaks = scouted(module, control, frequency, (Fraction(0), Fraction(1)))
+        try:
+            functions, left, right = functions_of(module, control, frequency)
+        except EvaluationError:
+            return Fraction(1)
+        finest = Fraction(1)
+        for at in functions:
+            panels = []
+            for a, b in zip(breaks, breaks[1:], strict=False):
+                values = [number(at(left + (right - left) * exact(a + (b - a) * share))).mid() for share in SHARES]
+                if all(value.is_finite() for value in values):
+                    panels.append((b - a, max(abs(one - values[0]) for one in values), max(abs(one) for one in values)))
+            largest = max((size for _, _, size in panels), default=arb(0))
+            finest = min([finest, *(width for width, varied, _ in panels if varied > largest * arb("1e-3"))])
+    return finest
