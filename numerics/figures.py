@@ -27,6 +27,7 @@ from numerics.coefficients import Module, Result, evaluate
 from numerics.ellipse import ellipse_of
 from numerics.motion import Motion, Scene, fast_phase, motion_from, shape_of, shapes_of
 from numerics.precision import EvaluationError
+from numerics.states import TRIVIAL, analysis_of, module_of
 
 # Okabe and Ito's palette, which the colour-blind can tell apart.
 BLACK, ORANGE, SKY, GREEN, BLUE, RED, PURPLE = "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7"
@@ -93,7 +94,8 @@ class Branch:
 class Case:
     """A problem with its coefficients, and the scales of the scenes that are drawn of it."""
 
-    emitted: str
+    emitted: str | Path | Mapping[str, Any]
+    states: str
     module: Module
     result: Result
     values: Mapping[str, complex]
@@ -166,8 +168,8 @@ class Case:
         return motion_from(self.result, scene, shape_of(scene.initial, self.steady))
 
 
-def case_of(emitted: str | Path | Mapping[str, Any]) -> Case:
-    """Return the case of an emitted module.
+def case_of(emitted: str | Path | Mapping[str, Any], states: str) -> Case:
+    """Return the case of an emitted module and of the states of its amplitude equation, as `States.emit` returns them.
 
     Raises
     ------
@@ -175,29 +177,25 @@ def case_of(emitted: str | Path | Mapping[str, Any]) -> Case:
         Every nonlinear coefficient vanishes, so that no state is known.
     """
     result = evaluate(emitted, digits=15)
-    return Case(emitted=emitted, module=Module(emitted), result=result, values={one.monomial: complex(one.value) for one in result.coefficients})  # type: ignore[arg-type]
+    return Case(emitted=emitted, states=states, module=Module(emitted), result=result, values={one.monomial: complex(one.value) for one in result.coefficients})
 
 
 def branches(case: Case) -> tuple[Branch, ...]:
-    """Return the bifurcating states and their stability, from the linearisation of the amplitude equation about each."""
-    gamma, k = case.gamma.real, case.planar.real
+    """Return the bifurcating states and their stability where they exist, from the emitted states."""
+    nominal = {monomial: (value.real, value.imag) for monomial, value in case.values.items() if not monomial.startswith("epsilon")}
     found = []
-    sub = "unstable"
-    if case.steady:
-        name = "branch"
-        if k:
-            share = -gamma / k
-            found.append(Branch(name=name, share=share, peak=1.0, stability="stable" if case.transcritical or k < 0 else sub))
-        return tuple(found)
-    peak = 2.0
-    if not case.vector:
-        return (Branch(name="cycle", share=-gamma / k, peak=peak, stability="stable" if k < 0 else sub),) if k else ()
-    alpha, beta = case.values["dot(A,A)*conj(A)"].real, case.circular.real
-    if k:  # along: -2 gamma mu; across: 2 alpha gamma mu/(alpha + beta)
-        stability = sub if k > 0 else "stable" if alpha > 0 else "partly"
-        found.append(Branch(name="beating", share=-gamma / k, peak=peak, stability=stability))
-    if beta:  # -2 gamma mu, and -2 gamma mu alpha/beta twice
-        found.append(Branch(name="whirling", share=-gamma / beta, peak=float(np.sqrt(2)), stability="stable" if beta < 0 and alpha < 0 else sub))
+    for name, function in analysis_of(module_of(case.states), nominal)[0]:
+        if name in TRIVIAL:
+            continue
+        try:
+            above, below = function(nominal, 1.0), function(nominal, -1.0)
+        except ZeroDivisionError:  # its coefficient vanishes: the next order decides
+            continue
+        values = above if above["amplitude_squared"] > 0 else below
+        growing = {direction for real, _, direction, neutral in values["eigenvalues"] if not neutral and real >= 0}
+        stability = "stable" if not growing else "partly" if growing == {"perpendicular"} else "unstable"
+        peak = float(np.sqrt(values["peak_squared"] / values["amplitude_squared"]))
+        found.append(Branch(name=name, share=-case.gamma.real / values["nonlinear"], peak=peak, stability=stability))
     return tuple(found)
 
 

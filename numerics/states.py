@@ -7,7 +7,7 @@ that is wrong by less than asked for is printed; a ball that cannot be told from
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -156,10 +156,7 @@ def evaluate_states(emitted: str | Path | Mapping[str, Any], states: str, mu: st
     if isinstance(digits, bool) or not isinstance(digits, int) or not 1 <= digits <= MOST_DIGITS:
         raise EvaluationError(f"digits: found {digits!r}; expected an integer from 1 to {MOST_DIGITS}")
     distance = exact_number(mu if isinstance(mu, str) else str(mu) if type(mu) is int else repr((mu,)))  # a float is no exact number
-    if "Emitted by `fredholm states`" not in states.split("\n", 1)[0]:
-        raise EvaluationError("found a text that `States.emit` did not return; expected its text")
-    module: dict[str, Any] = {"__name__": "emitted_states"}
-    exec(compile(states, "<emitted states>", "exec"), module)  # noqa: S102  (the emitted module is our own text)
+    module = module_of(states)
     for guard in GUARDS:
         result = evaluate(emitted, digits=digits + guard)
         with working_precision(bits_of(digits + guard) + 64):
@@ -169,6 +166,21 @@ def evaluate_states(emitted: str | Path | Mapping[str, Any], states: str, mu: st
             except Undecided as reason:
                 said = str(reason)
     raise EvaluationError(f"{result.problem}: {digits} digits of the states are not reached: {said}; ask for fewer digits")
+
+
+def module_of(states: str) -> dict[str, Any]:
+    """Return the names of the text that `States.emit` returns."""
+    if "Emitted by `fredholm states`" not in states.split("\n", 1)[0]:
+        raise EvaluationError("found a text that `States.emit` did not return; expected its text")
+    module: dict[str, Any] = {"__name__": "emitted_states"}
+    exec(compile(states, "<emitted states>", "exec"), module)
+    return module
+
+
+def analysis_of(module: Mapping[str, Any], monomials: Collection[str]) -> tuple[Sequence[tuple[str, Callable[..., Any]]], Callable[..., Any]]:
+    """Return ((state, its function), ...) and the function of the laws at the threshold, of the amplitude equation with these monomials."""
+    functions, laws = next((functions, laws) for listed, functions, laws in module["ANALYSES"] if set(listed) == set(monomials))
+    return functions, laws
 
 
 class Undecided(Exception):
@@ -251,7 +263,7 @@ def numbers_of(module: Mapping[str, Any], result: Result, text: str, distance: F
     weak = [monomial for monomial in listed if monomial.startswith("epsilon")]
     warnings = [*result.warnings, *([f"the weak effects {', '.join(weak)} are left out: these are the states at epsilon = 0"] if weak else [])]
     nominal = {monomial: value for monomial, value in listed.items() if monomial not in weak}
-    functions, law_of = next((functions, laws) for monomials, functions, laws in module["ANALYSES"] if set(monomials) == set(nominal))
+    functions, law_of = analysis_of(module, nominal)
     setting = Setting(coefficients=nominal, mu=arb(fmpq(distance.numerator, distance.denominator)), reckoning=reckoning)
     laws, criticality = threshold_laws(law_of(nominal), setting, warnings)
     states = tuple(state_of(name, function(nominal, setting.mu), setting, laws[-1].decays, warnings) for name, function in functions)
