@@ -28,7 +28,8 @@ from numerics.precision import EvaluationError
 from numerics.states import StatesResult, evaluate_states
 
 if TYPE_CHECKING:
-    from numerics.figures import Case, Spectra
+    from numerics.case import Case
+    from numerics.figures import Spectra
 
 FAILURES = (DerivationError, EvaluationError, ArithmeticError, ValueError, ImportError)
 """What may keep an optional part from the report: it then holds the reason. Anything else is a fault of the program, shown too, and no agreement."""
@@ -199,11 +200,11 @@ def by_route(emitted: str, digits: int, route: str) -> Result:
 
 def case_of(emitted: str, states: States | None) -> Case:
     """Return what the figures are drawn of."""
-    from numerics import figures
+    from numerics import case
 
     if states is None:
         raise EvaluationError("found no states of the amplitude equation; the figures show them")
-    return figures.case_of(emitted, states.emit())
+    return case.case_of(emitted, states.emit())
 
 
 def full_points_of(derivation: Derivation, case: Callable[[], Case], result: Result) -> Mapping[str, Any]:
@@ -228,7 +229,8 @@ def drawings_of(derivation: Derivation, case: Callable[[], Case], points: Mappin
     spectra = stages.attempt("spectrum", partial(spectra_of, derivation)) if "growth" in DRAWINGS else None
 
     def drawn(name: str) -> str:
-        from numerics.figures import draw, saved
+        from numerics.drawing import saved
+        from numerics.figures import draw
 
         return saved(draw(case(), name, spectra, points), "svg").decode("utf-8")
 

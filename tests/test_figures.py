@@ -16,7 +16,9 @@ from derive.spectrum import spectrum_curves
 from derive.states import derive_states
 from numerics import EvaluationError
 from numerics.animation import animation_of, fragment_of, page_of
-from numerics.figures import NAMES, Spectra, bounded, branches, case_of, draw, joined, saved, symbol
+from numerics.case import bounded, branches, case_of
+from numerics.drawing import saved, symbol
+from numerics.figures import NAMES, Spectra, draw, joined
 
 
 @cache
