@@ -65,6 +65,12 @@ class Law:
     prefactor: str | None
     exponent: str
 
+    def text(self) -> str | None:
+        """Return the law as text, None where the next order decides."""
+        if self.decays is None:
+            return None
+        return f"|A| ~ {self.prefactor} t^({self.exponent})" if self.decays else f"|A| ~ {self.prefactor} (t* - t)^({self.exponent}), infinite at a finite t*"
+
     def as_dict(self) -> dict[str, Any]:
         """Return plain data."""
         return {"perturbation": self.perturbation, "decays": self.decays, "prefactor": self.prefactor, "exponent": self.exponent}
@@ -111,9 +117,7 @@ class StatesResult:
             for one in state.eigenvalues:
                 value = one.re if one.im == "0" else f"{one.re} {'-' if one.im.startswith('-') else '+'} {one.im.lstrip('-')}i"
                 lines.append(f"    {one.direction:21} {value}" + (f"  ({one.neutral})" if one.neutral else ""))
-        for law in self.at_threshold:
-            what = {True: f"|A| ~ {law.prefactor} t^({law.exponent})", False: f"|A| ~ {law.prefactor} (t* - t)^({law.exponent}), infinite at a finite t*", None: "undecided"}[law.decays]
-            lines.append(f"  at the threshold, {law.perturbation} perturbation: {what}")
+        lines += [f"  at the threshold, {law.perturbation} perturbation: {law.text() or 'undecided'}" for law in self.at_threshold]
         return "\n".join(lines)
 
     def __repr__(self) -> str:

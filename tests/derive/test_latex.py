@@ -136,7 +136,7 @@ def test_every_forcing_that_is_written_is_the_one_that_is_integrated(name):
     assert compared
 
 
-@pytest.mark.parametrize("name", ["follower_force", "follower_force_planar", str(PROBLEMS / "pipe.py"), str(PROBLEMS / "varcoef.py"), str(PROBLEMS / "brus_pde.py")])
+@pytest.mark.parametrize("name", ["follower_force", "follower_force_planar", *(str(PROBLEMS / f"{name}.py") for name in ("pipe", "varcoef", "brus_pde", "buckle_pinned_tw"))])
 def test_lagranges_identity_holds_for_random_fields(name):
     """(L psi1)^* . psi2 - psi1^* . L^dagger psi2 = dJ/ds for polynomials psi with random complex coefficients."""
     derivation = derivation_of(name)
