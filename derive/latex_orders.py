@@ -121,8 +121,7 @@ class OrderWriter:
             if extra:
                 body = f"= {joined(extra, 3)}"
                 rows[-1] += " \\\\\n&\\quad " + (rf"\left\{{ {body} \right\}}" if len(extra) <= 3 else body)
-        if half_order in (1, 2):
-            rows += self.solution(half_order)
+        rows += self.leading_fields() if half_order == 1 else self.second_fields() if half_order == 2 else []
         return rows + secular
 
     def sides(self, left: Mapping[str, Mapping[Term, Expr]], right: Mapping[str, Mapping[Term, Expr]]) -> list[tuple[str, str]]:
@@ -254,34 +253,37 @@ class OrderWriter:
             return [notation.product(table[1, 1], f"{notation.symbol['weak']} {a}")] if table[1, 1] != 0 else []
         return [notation.product(value, rf"{notation.symbol['weak']} \left({a} \cdot \mathbf{{e}}_{{{j}}}\right) \mathbf{{e}}_{{{i}}}") for (i, j), value in table.items() if value != 0]
 
-    def solution(self, half_order: int) -> list[str]:
-        """Return the fields of one order (labels ``sol 1/2``, ``sol 1``)."""
+    def leading_fields(self) -> list[str]:
+        """Return the fields of order 1/2 (label ``sol 1/2``)."""
         notation, a = self.notation, self.notation.amplitude
-        rows = []
-        unknowns = self.formulation.unknowns
         tail = rf" {self.wave(1)} + \text{{c.c.}}" if notation.hopf else ""
-        first = {one.monomial: one for one in self.reduction.mode.contributions}
-        for unknown in unknowns:
-            if half_order == 1:
-                if unknown.component == "p":
-                    plus = self.harmonics.value(unknown.index, self.harmonics.single(0))
-                    minus = self.harmonics.value(unknown.index + 1, self.harmonics.single(1))
-                    straight, turned = expand((plus + minus) / 2), expand((plus - minus) / (2 * I))
-                    terms = added(notation.product(part, text) for part, text in ((straight, a), (turned, rf"{notation.axis} \times {a}")) if part != 0)
-                elif unknown.component in ("m", "n") or notation.vector:
-                    continue
-                else:
-                    value = first[self.reduction.mode.contributions[0].monomial].values.get(unknown.index, Integer(0))
-                    terms = added([notation.product(value, a)]) if value != 0 else []
-                zero = r"\mathbf{0}" if unknown.component == "p" else "0"
-                rows.append(f"{notation.at_order(unknown.index, half_order)} &= {joined(terms, 3) + tail if terms else zero}")
+        rows = []
+        for unknown in self.formulation.unknowns:
+            if unknown.component == "p":
+                plus = self.harmonics.value(unknown.index, self.harmonics.single(0))
+                minus = self.harmonics.value(unknown.index + 1, self.harmonics.single(1))
+                straight, turned = expand((plus + minus) / 2), expand((plus - minus) / (2 * I))
+                parts = [(straight, a), (turned, rf"{notation.axis} \times {a}")]
+            elif unknown.component in ("m", "n") or notation.vector:
+                continue
             else:
-                if unknown.component in ("p", "m"):
-                    continue
-                terms = self.quadratic_text(self.harmonics.values(unknown.index), unknown.component == "n")
-                zero = r"\mathbf{0}" if unknown.component == "n" else "0"
-                rows.append(f"{notation.at_order(unknown.index, half_order)} &= {joined(terms, 3) if terms else zero}")
-        return rows + (self.responses() if half_order == 2 else [])
+                parts = [(self.harmonics.value(unknown.index, self.harmonics.single(0)), a)]
+            terms = added(notation.product(part, text) for part, text in parts if part != 0)
+            zero = r"\mathbf{0}" if unknown.component == "p" else "0"
+            rows.append(f"{notation.at_order(unknown.index, 1)} &= {joined(terms, 3) + tail if terms else zero}")
+        return rows
+
+    def second_fields(self) -> list[str]:
+        """Return the fields of order 1 (label ``sol 1``), with what defines the response functions."""
+        notation = self.notation
+        rows = []
+        for unknown in self.formulation.unknowns:
+            if unknown.component in ("p", "m"):
+                continue
+            terms = self.quadratic_text(self.harmonics.values(unknown.index), unknown.component == "n")
+            zero = r"\mathbf{0}" if unknown.component == "n" else "0"
+            rows.append(f"{notation.at_order(unknown.index, 2)} &= {joined(terms, 3) if terms else zero}")
+        return rows + self.responses()
 
     def responses(self) -> list[str]:
         """Return what defines the response functions: nested quadratures, or a linear problem."""

@@ -98,33 +98,40 @@ def mode_figure(case: Case) -> Figure:
     for axes in grid.ravel()[len(panels):]:
         axes.set_axis_off()
     for axes, (name, direction, values) in zip(grid.ravel(), panels, strict=False):
-        title = r"\varphi" if name == case.module.NORMALISED else rf"\tilde{{{bold(name) if direction else symbol(name)}}}"
-        if direction:
-            title += rf"\ (\mathrm{{along}}\ {direction})"
         axes.axhline(0, color=GREY, lw=0.5)
-        if not shapes.spatial:
-            angle = np.linspace(0, 2 * pi, 201)
-            if case.steady:
-                axes.bar([0], [values[0].real], width=0.4, color=BLUE)
-                axes.set_xticks([])
-                axes.set_xlim(-1, 1)
-                axes.set_title(rf"${symbol(name)}$")
-                continue
-            axes.plot(angle / (2 * pi), 2 * np.real(values[0] * np.exp(1j * angle)), color=BLUE)
-            axes.set_xlabel(r"$\omega t/2\pi$")
+        if shapes.spatial:
+            draw_shape(axes, shapes.places, values, case.steady)
+            title = r"\varphi" if name == case.module.NORMALISED else rf"\tilde{{{bold(name) if direction else symbol(name)}}}"
+            axes.set_title(rf"${title}\ (\mathrm{{along}}\ {direction})$" if direction else f"${title}$")
+        elif case.steady:
+            axes.bar([0], [values[0].real], width=0.4, color=BLUE)
+            axes.set_xticks([])
+            axes.set_xlim(-1, 1)
+            axes.set_title(rf"${symbol(name)}$")
+        else:
+            draw_period(axes, values[0])
             axes.set_title(rf"$2\,\mathrm{{Re}}(\tilde{{{symbol(name)}}}\,e^{{i\omega t}})$")
-            axes.set_xlim(0, 1)
-            continue
-        axes.plot(shapes.places, values.real, color=BLUE, label="real part" if not case.steady else None)
-        if not case.steady:
-            axes.plot(shapes.places, values.imag, color=RED, ls="--", label="imaginary part")
-        axes.set_xlabel(r"$s$")
-        axes.set_title(rf"${title}$")
-        axes.set_xlim(shapes.places[0], shapes.places[-1])
     if not case.steady and shapes.spatial:
         handles, labels = grid[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return figure
+
+
+def draw_shape(axes: Axes, places: NDArray[np.float64], values: NDArray[np.complex128], steady: bool) -> None:
+    """Draw a function of s; a complex one by its parts."""
+    axes.plot(places, values.real, color=BLUE, label="real part" if not steady else None)
+    if not steady:
+        axes.plot(places, values.imag, color=RED, ls="--", label="imaginary part")
+    axes.set_xlabel(r"$s$")
+    axes.set_xlim(places[0], places[-1])
+
+
+def draw_period(axes: Axes, value: complex) -> None:
+    """Draw one period of what oscillates with a complex amplitude."""
+    angle = np.linspace(0, 2 * pi, 201)
+    axes.plot(angle / (2 * pi), 2 * np.real(value * np.exp(1j * angle)), color=BLUE)
+    axes.set_xlabel(r"$\omega t/2\pi$")
+    axes.set_xlim(0, 1)
 
 
 def mode_components(name: str, terms: Sequence[Any], unknowns: Sequence[tuple[str, str]]) -> list[tuple[str, NDArray[np.complex128]]]:
