@@ -52,8 +52,9 @@ class Settings:
     @property
     def stages(self) -> tuple[str, ...]:
         """Return the stages in the order in which they are run."""
-        slow = () if self.quick else ("animation", "speed", "validation")
-        return ("derivation", *(f"coefficients, {route}" for route in ROUTES), "comparison", "states", "numbers of the states", "spectrum", *(f"figure {name}" for name in DRAWINGS), *slow, "files")
+        points, slow = ((), ()) if self.quick else (("states of the full problem",), ("animation", "speed", "validation"))
+        return ("derivation", *(f"coefficients, {route}" for route in ROUTES), "comparison", "states", "numbers of the states", *points, "spectrum",
+                *(f"figure {name}" for name in DRAWINGS), *slow, "files")
 
 
 class Stages:
