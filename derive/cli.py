@@ -414,9 +414,7 @@ def drawn(derivation: Derivation, form: str, names: Sequence[str], strict: bool)
     from derive.report import spectra_of
     from derive.states import derive_states
     from numerics.animation import animation_of, gif_of, page_of
-    from numerics.case import case_of
-    from numerics.drawing import saved
-    from numerics.figures import draw
+    from numerics.figures import case_of, draw, saved
 
     case = case_of(derivation.emit(), derive_states(derivation).emit())
     for name in names:

@@ -201,11 +201,11 @@ def by_route(emitted: str, digits: int, route: str) -> Result:
 
 def case_of(emitted: str, states: States | None) -> Case:
     """Return what the figures are drawn of."""
-    from numerics import case
+    from numerics import figures
 
     if states is None:
         raise EvaluationError("found no states of the amplitude equation; the figures show them")
-    return case.case_of(emitted, states.emit())
+    return figures.case_of(emitted, states.emit())
 
 
 def full_points_of(derivation: Derivation, case: Callable[[], Case], result: Result) -> Mapping[str, Any]:
@@ -230,8 +230,7 @@ def drawings_of(derivation: Derivation, case: Callable[[], Case], points: Mappin
     spectra = stages.attempt("spectrum", partial(spectra_of, derivation)) if "growth" in DRAWINGS else None
 
     def drawn(name: str) -> str:
-        from numerics.drawing import saved
-        from numerics.figures import draw
+        from numerics.figures import draw, saved
 
         return saved(draw(case(), name, spectra, points), "svg").decode("utf-8")
 

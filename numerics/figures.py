@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from numerics.case import Case, along, approach_scene, bounded, branches, field_symbol, modulus, nice
-from numerics.drawing import BLACK, BLUE, GREEK, GREEN, GREY, ORANGE, PURPLE, RED, SKY, bold, fade, letter, styled, symbol
+from numerics.case import Case, along, approach_scene, bounded, branches, case_of, field_symbol, modulus, nice
+from numerics.drawing import BLACK, BLUE, GREEK, GREEN, GREY, ORANGE, PURPLE, RED, SKY, bold, fade, letter, saved, styled, symbol
 from numerics.motion import Motion, fast_phase, shapes_of
 from numerics.precision import EvaluationError
 
@@ -526,3 +526,6 @@ def draw(case: Case, name: str, spectra: Spectra | None = None, measured: Mappin
         if name == "bifurcation":
             return bifurcation_figure(case, measured)
         return FIGURES[name](case)
+
+
+__all__ = ["NAMES", "Spectra", "case_of", "draw", "saved"]
