@@ -28,15 +28,11 @@ class Adjoint:
         -P^T, shape (n, n).
     left, right
         Rows that the adjoint functions meet at the ends; n - k at the left where the operator has k.
-    left_pivots, right_pivots
-        Where the multipliers of the boundary forcing stand: z at those entries.
     """
 
     matrix: tuple[tuple[Expr, ...], ...]
     left: tuple[tuple[Expr, ...], ...]
     right: tuple[tuple[Expr, ...], ...]
-    left_pivots: tuple[int, ...]
-    right_pivots: tuple[int, ...]
 
     @property
     def size(self) -> int:
@@ -55,7 +51,6 @@ def adjoint_of(operator: FirstOrderOperator) -> Adjoint:
     return Adjoint(
         matrix=tuple(tuple(-operator.matrix[j][i] for j in range(n)) for i in range(n)),
         left=annihilator(operator.left, n), right=annihilator(operator.right, n),
-        left_pivots=operator.left.pivots, right_pivots=operator.right.pivots,
     )
 
 

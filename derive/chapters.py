@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
+from sympy import latex
+
 from derive.latex import TITLES, Writer
 from derive.latex_adjoint import coefficient_symbols
 from derive.mathml import display, math
@@ -69,8 +71,6 @@ def facts(writer: Writer) -> str:
 
 def tex(value: Any) -> str:
     """Return an expression as LaTeX."""
-    from sympy import latex
-
     return str(latex(value))
 
 
@@ -130,11 +130,7 @@ def states_chapter(states: States | None, numbers: Any, reason: str, writer: Wri
     title = "States and stability"
     if states is None:
         return Chapter(identifier="states", title=title, body=left_out(reason))
-    text = ""
-    if numbers is None:
-        text += left_out(reason)
-    else:
-        text += numbers_of_states(numbers)
+    text = left_out(reason) if numbers is None else numbers_of_states(numbers)
     entries = symbols_of(writer)
     for heading, rows in parts_of(states):
         text += f"<h3>{escape(heading)}</h3>\n" + display(rows, heading)
@@ -154,10 +150,7 @@ def numbers_of_states(numbers: Any) -> str:
         stable = {True: "stable", False: "unstable", None: "undecided"}[one.stable]
         rows.append((one.name, stable, number(one.amplitude_squared), number(one.peak), number(one.frequency_correction), values))
     text += table("States, to the digits shown", ("state", "stability", "|A| squared", "largest displacement", "frequency correction", "eigenvalues"), rows)
-    laws = []
-    for law in numbers.at_threshold:
-        grows = f"|A| ~ {law.prefactor} (t* - t)^({law.exponent}), infinite at a finite t*"
-        laws.append((law.perturbation or "any", {True: f"|A| ~ {law.prefactor} t^({law.exponent})", False: grows, None: "decided by the next order"}[law.decays]))
+    laws = [(law.perturbation or "any", law.text() or "decided by the next order") for law in numbers.at_threshold]
     text += table("At the threshold", ("perturbation", "law"), laws) if laws else ""
     return text + "".join(f'<p class="note">{escape(one)}</p>\n' for one in numbers.warnings)
 

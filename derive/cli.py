@@ -424,23 +424,20 @@ def figures(target: str, out: str | None, form: str, only: str | None) -> None:
 
 def drawn(derivation: Derivation, form: str, names: Sequence[str], strict: bool) -> Iterator[tuple[str, bytes]]:
     """Yield file name and content of each figure; one that does not apply is an error when `strict`, else a line on standard error."""
-    from derive.spectrum import spectrum_curves
+    from derive.report import spectra_of
+    from derive.states import derive_states
     from numerics.animation import animation_of, gif_of, page_of
-    from numerics.figures import Spectra, case_of, draw, saved
+    from numerics.figures import case_of, draw, saved
 
-    case = case_of(derivation.emit())
+    case = case_of(derivation.emit(), derive_states(derivation).emit())
     for name in names:
         try:
             if name == "animation":
                 animation = animation_of(case)
                 yield "animation.gif", gif_of(animation, case)
                 yield "animation.html", page_of(animation).encode("utf-8")
-                continue
-            spectra = None
-            if name == "growth":
-                curves = spectrum_curves(derivation)
-                spectra = Spectra(controls=curves.controls, eigenvalues=curves.eigenvalues, oscillation=curves.oscillation)
-            yield f"{name}.{form}", saved(draw(case, name, spectra), form)
+            else:
+                yield f"{name}.{form}", saved(draw(case, name, spectra_of(derivation) if name == "growth" else None), form)
         except EvaluationError as reason:
             if strict:
                 raise

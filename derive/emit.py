@@ -44,8 +44,8 @@ class Printer:
             (reduction.mode.phi, "mode"), (reduction.mode.phi_bar, "mode_bar"), (reduction.solvability.zeta, "adjoint_mode"),
         ]
         for response in reduction.responses:
-            if owns_states(response):
-                self.groups.append((response.states, f"response_{response.name}"))
+            if response.own:
+                self.groups.append((response.own, f"response_{response.name}"))
 
     def text(self, expression: Expr) -> str:
         """Return the expression as Python, terms in a fixed order."""
@@ -162,11 +162,6 @@ def terms_of(expression: Expr) -> list[Expr]:
 def signed_sum(terms: Sequence[str]) -> str:
     """Return terms with their signs between them."""
     return terms[0] + "".join(f" - {term[1:]}" if term.startswith("-") else f" + {term}" for term in terms[1:])
-
-
-def owns_states(response: Response) -> bool:
-    """Tell whether the response defines its states itself (no twin does, and there is something to solve)."""
-    return bool(response.states) and all(isinstance(state, Symbol) for state in response.states) and response.states[0].name.startswith(f"w_{response.name}_")
 
 
 def wrapped(lead: str, terms: Sequence[str], tail: str = "", indent: str = "    ") -> list[str]:
@@ -304,7 +299,7 @@ def emit(derivation: Derivation) -> str:
         if name != "critical":
             lines += operator_lines(name, operator, printer, f"The linear problem of harmonic {name.removeprefix('operator_')}.")
     for response in reduction.responses:
-        if owns_states(response):
+        if response.own:
             lines += response_lines(response, derivation, printer)
     for definition in reduction.functions.definitions.values():
         lines += ["", "", "@stage", f"def {definition.symbol.name}(a):"]
@@ -486,9 +481,9 @@ def consistency_lines(name: str, title: str, spare: Sequence[tuple[str, str, Exp
 
 def response_lines(response: Response, derivation: Derivation, printer: Printer) -> list[str]:
     """Return the function of one response: nested quadratures where they solve it, else a linear problem."""
-    lines = ["", "", "@stage", f"def response_{response.name}(a):", f'    """Response to {response.name.replace("_", " ")} (harmonic {response.harmonic}): {named(response.states)}."""']
+    lines = ["", "", "@stage", f"def response_{response.name}(a):", f'    """Response to {response.name.replace("_", " ")} (harmonic {response.harmonic}): {named(response.own)}."""']
     groups = printer.groups
-    own = (response.states, f"response_{response.name}")
+    own = (response.own, f"response_{response.name}")
     printer.groups = [group for group in groups if group != own]
     normal = derivation.reduction.mode.normalisation if response.singular else ()
     used = [*response.forcing, *response.left, *response.right, *normal]
@@ -498,7 +493,7 @@ def response_lines(response: Response, derivation: Derivation, printer: Printer)
     printer.groups = groups
     if response.explicit is not None:
         for state, side, slope, constant in response.explicit:
-            name = response.states[state].name
+            name = response.own[state].name
             start = "" if constant == 0 else read(side, constant, printer, derivation)
             integral = "a.integral_from_left" if side == "left" else "a.integral_to_right"
             if slope == 0:
@@ -507,7 +502,7 @@ def response_lines(response: Response, derivation: Derivation, printer: Printer)
             sign = "" if side == "left" else "-"
             lead = f"{name} = {start}{' + ' if side == 'left' else ' - '}" if start else f"{name} = {sign}"
             lines += wrapped(f"{lead}{integral}(", printer.terms(slope), ")")
-        return [*lines, f"    return {listed(state.name for state in response.states)}"]
+        return [*lines, f"    return {listed(state.name for state in response.own)}"]
     method = "solve_singular" if response.singular else "solve"
     lines += [f"    return a.{method}(", f"        {response.operator_name}(a),", "        forcing=("]
     for entry in response.forcing:

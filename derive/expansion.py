@@ -9,7 +9,7 @@ ever written by hand: the monomial :math:`z_j z_k` of the row is the product of 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import factorial
 from typing import Any
 
@@ -193,37 +193,29 @@ def pure_rows(rows: tuple[TaylorRow, ...], formulation: Formulation) -> tuple[Ta
     if formulation.frame is None:
         return rows
     weight_of = [unknown.weight for unknown in formulation.unknowns]
-    clean: list[TaylorRow] = []
-    pure = True
-    for row in rows:
-        terms = {jets: value for jets, value in row.terms.items() if not formulation.probe.is_zero(value)}
-        found = sorted({sum(weight_of[jet[0]] for jet in jets) for jets in terms})
-        pure = pure and found in ([], [row.weight])
-        clean.append(TaylorRow(terms=terms, weak=row.weak, weight=row.weight, label=row.label))
-    if pure:
+
+    def weight(jets: tuple[Jet, ...]) -> int:
+        return sum(weight_of[jet[0]] for jet in jets)
+
+    clean = [replace(row, terms={jets: value for jets, value in row.terms.items() if not formulation.probe.is_zero(value)}) for row in rows]
+    if all(weight(jets) == row.weight for row in clean for jets in row.terms):
         return tuple(clean)
+    weak = [row.label for row in clean if row.weak]
     # The span of the rows is invariant if and only if it holds every piece of pure weight of every row.
     pieces: list[TaylorRow] = []
     for row in clean:
-        for weight in sorted({sum(weight_of[jet[0]] for jet in jets) for jets in row.terms}):
-            part = {jets: value for jets, value in row.terms.items() if sum(weight_of[jet[0]] for jet in jets) == weight}
-            pieces.append(TaylorRow(terms=part, weak=row.weak if len(part) == len(row.terms) else {}, weight=weight, label=row.label))
-    if any(row.weak for row in clean) and not pure:
-        offenders = ", ".join(sorted({row.label for row in clean if row.weak}))
-        if any(row.weak for row in clean):
-            pieces = [piece for piece in pieces if piece.terms]
-            if any(abs(piece.weight) > 1 for piece in pieces):
-                raise ProblemError(f"rotation_axis: {offenders} is not left alone by rotations; drop rotation_axis")
+        for own in sorted({weight(jets) for jets in row.terms}):
+            part = {jets: value for jets, value in row.terms.items() if weight(jets) == own}
+            pieces.append(TaylorRow(terms=part, weak=row.weak if len(part) == len(row.terms) else {}, weight=own, label=row.label))
+    if weak and any(abs(piece.weight) > 1 for piece in pieces):
+        raise ProblemError(f"rotation_axis: {', '.join(sorted(set(weak)))} is not left alone by rotations; drop rotation_axis")
     independent = independent_rows(pieces, formulation)
     if len(independent) > len(independent_rows(clean, formulation)) or any(abs(row.weight) > 1 for row in independent):
-        culprit = next(row.label for row in clean if len({sum(weight_of[jet[0]] for jet in jets) for jets in row.terms}) > 1 or
-                       any(sum(weight_of[jet[0]] for jet in jets) != row.weight for jets in row.terms))
+        culprit = next(row.label for row in clean if any(weight(jets) != row.weight for jets in row.terms))
         raise ProblemError(f"rotation_axis: {culprit} changes under rotations about the axis; expected a problem that does not; "
                            "drop rotation_axis or correct the equation")
-    if any(row.weak for row in clean):
-        # Weak effects written component by component: rebuild circular rows from the components they stand in.
-        return tuple(rebuilt(independent, clean, formulation))
-    return tuple(independent)
+    # Weak effects written component by component: circular rows are rebuilt from the components they stand in.
+    return tuple(rebuilt(independent, clean) if weak else independent)
 
 
 def independent_rows(rows: list[TaylorRow], formulation: Formulation) -> list[TaylorRow]:
@@ -254,7 +246,7 @@ def independent_rows(rows: list[TaylorRow], formulation: Formulation) -> list[Ta
     return kept
 
 
-def rebuilt(pieces: list[TaylorRow], rows: list[TaylorRow], formulation: Formulation) -> list[TaylorRow]:
+def rebuilt(pieces: list[TaylorRow], rows: list[TaylorRow]) -> list[TaylorRow]:
     """Return the independent pieces with the weak parts that belong to them: each piece is a combination of whole rows."""
     keys = sorted({key for row in rows for key in row.terms})
     system = Matrix([[row.terms.get(key, Integer(0)) for row in rows] for key in keys])

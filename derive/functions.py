@@ -45,14 +45,14 @@ class Functions:
 
     def named(self, name: str, expression: Expr) -> Expr:
         """Return a symbol for the expression; a single term needs no name."""
-        expression = collected(expression)
+        expression = expand(expression)
         if not expression.free_symbols & set(self.slopes) or not isinstance(expression, Add) and len(
             [factor for factor in Mul.make_args(expression) if factor.free_symbols & set(self.slopes)]
         ) < 2 and not any(factor.is_Pow for factor in Mul.make_args(expression)):
             return expression
         for sign in (1, -1):  # one name for a function and its negative
-            if collected(sign * expression) in self.known:
-                return sign * self.known[collected(sign * expression)]
+            if sign * expression in self.known:
+                return sign * self.known[sign * expression]
         while name in self.reserved:
             name += "_"
         symbol = Symbol(name)
@@ -66,11 +66,6 @@ class Functions:
     def is_function(self, expression: Expr) -> bool:
         """Tell whether the expression depends on s."""
         return bool(expression.free_symbols & (set(self.slopes) | {self.space}))
-
-
-def collected(expression: Expr) -> Expr:
-    """Return the expression expanded: products of named functions with coefficients."""
-    return expand(expression)
 
 
 def conjugated(expression: Expr, bars: Mapping[Symbol, Symbol]) -> Expr:

@@ -17,6 +17,7 @@ from derive.expand import expand
 from derive.harmonics import Harmonics, Monomial
 from derive.notation import Notation, added, joined
 from derive.operator import FirstOrderOperator
+from derive.response import Response
 from derive.statement import epsilon
 from derive.two_times import Equation, Factor, Term, equations_of, stated_terms
 
@@ -121,8 +122,7 @@ class OrderWriter:
             if extra:
                 body = f"= {joined(extra, 3)}"
                 rows[-1] += " \\\\\n&\\quad " + (rf"\left\{{ {body} \right\}}" if len(extra) <= 3 else body)
-        if half_order in (1, 2):
-            rows += self.solution(half_order)
+        rows += self.leading_fields() if half_order == 1 else self.second_fields() if half_order == 2 else []
         return rows + secular
 
     def sides(self, left: Mapping[str, Mapping[Term, Expr]], right: Mapping[str, Mapping[Term, Expr]]) -> list[tuple[str, str]]:
@@ -254,73 +254,73 @@ class OrderWriter:
             return [notation.product(table[1, 1], f"{notation.symbol['weak']} {a}")] if table[1, 1] != 0 else []
         return [notation.product(value, rf"{notation.symbol['weak']} \left({a} \cdot \mathbf{{e}}_{{{j}}}\right) \mathbf{{e}}_{{{i}}}") for (i, j), value in table.items() if value != 0]
 
-    def solution(self, half_order: int) -> list[str]:
-        """Return the fields of one order (labels ``sol 1/2``, ``sol 1``)."""
+    def leading_fields(self) -> list[str]:
+        """Return the fields of order 1/2 (label ``sol 1/2``)."""
         notation, a = self.notation, self.notation.amplitude
-        rows = []
-        unknowns = self.formulation.unknowns
         tail = rf" {self.wave(1)} + \text{{c.c.}}" if notation.hopf else ""
-        first = {one.monomial: one for one in self.reduction.mode.contributions}
-        for unknown in unknowns:
-            if half_order == 1:
-                if unknown.component == "p":
-                    plus = self.harmonics.value(unknown.index, self.harmonics.single(0))
-                    minus = self.harmonics.value(unknown.index + 1, self.harmonics.single(1))
-                    straight, turned = expand((plus + minus) / 2), expand((plus - minus) / (2 * I))
-                    terms = added(notation.product(part, text) for part, text in ((straight, a), (turned, rf"{notation.axis} \times {a}")) if part != 0)
-                elif unknown.component in ("m", "n") or notation.vector:
-                    continue
-                else:
-                    value = first[self.reduction.mode.contributions[0].monomial].values.get(unknown.index, Integer(0))
-                    terms = added([notation.product(value, a)]) if value != 0 else []
-                zero = r"\mathbf{0}" if unknown.component == "p" else "0"
-                rows.append(f"{notation.at_order(unknown.index, half_order)} &= {joined(terms, 3) + tail if terms else zero}")
+        rows = []
+        for unknown in self.formulation.unknowns:
+            if unknown.component == "p":
+                plus = self.harmonics.value(unknown.index, self.harmonics.single(0))
+                minus = self.harmonics.value(unknown.index + 1, self.harmonics.single(1))
+                straight, turned = expand((plus + minus) / 2), expand((plus - minus) / (2 * I))
+                parts = [(straight, a), (turned, rf"{notation.axis} \times {a}")]
+            elif unknown.component in ("m", "n") or notation.vector:
+                continue
             else:
-                if unknown.component in ("p", "m"):
-                    continue
-                terms = self.quadratic_text(self.harmonics.values(unknown.index), unknown.component == "n")
-                zero = r"\mathbf{0}" if unknown.component == "n" else "0"
-                rows.append(f"{notation.at_order(unknown.index, half_order)} &= {joined(terms, 3) if terms else zero}")
-        return rows + (self.responses() if half_order == 2 else [])
+                parts = [(self.harmonics.value(unknown.index, self.harmonics.single(0)), a)]
+            terms = added(notation.product(part, text) for part, text in parts if part != 0)
+            zero = r"\mathbf{0}" if unknown.component == "p" else "0"
+            rows.append(f"{notation.at_order(unknown.index, 1)} &= {joined(terms, 3) + tail if terms else zero}")
+        return rows
+
+    def second_fields(self) -> list[str]:
+        """Return the fields of order 1 (label ``sol 1``), with what defines the response functions."""
+        notation = self.notation
+        rows = []
+        for unknown in self.formulation.unknowns:
+            if unknown.component in ("p", "m"):
+                continue
+            terms = self.quadratic_text(self.harmonics.values(unknown.index), unknown.component == "n")
+            zero = r"\mathbf{0}" if unknown.component == "n" else "0"
+            rows.append(f"{notation.at_order(unknown.index, 2)} &= {joined(terms, 3) if terms else zero}")
+        return rows + self.responses()
 
     def responses(self) -> list[str]:
         """Return what defines the response functions: nested quadratures, or a linear problem."""
-        notation = self.notation
-        s = notation.space
-        rows: list[str] = []
-        seen: set[Symbol] = set()
-        for response in self.reduction.responses:
-            states = [state for state in response.states if isinstance(state, Symbol)]
-            if not states or states[0] in seen:
-                continue
-            seen.update(states)
-            if response.explicit is not None:
-                for state, side, slope, constant in response.explicit:
-                    start = notation.sum(notation.inlined(constant))
-                    lead = rf"\left[{joined(start, 9)}\right]_{{{s} = {self.ends[0] if side == 'left' else self.ends[1]}}}" if start else ""
-                    bounds = rf"\int_{{{self.ends[0]}}}^{{{s}}}" if side == "left" else rf"\int_{{{s}}}^{{{self.ends[1]}}}"
-                    body = joined(notation.sum(notation.inlined(slope)), 9)
-                    sign = "-" if side == "right" else "+" if lead else ""
-                    rows.append(rf"{notation.text(response.states[state])} &= {' '.join(part for part in (lead, sign, bounds) if part)} \left({body}\right) \mathrm{{d}} \tilde{{{s}}}")
-                continue
-            operator = response.operator
-            for i, state in enumerate(response.states):
-                terms = [(operator.matrix[i][j], notation.text(other)) for j, other in enumerate(response.states) if operator.matrix[i][j] != 0]
-                lines = added([notation.product(c, body) for c, body in terms])
-                forcing = notation.sum(notation.inlined(response.forcing[i]))
-                if isinstance(operator, FirstOrderOperator):
-                    tail = [one if k or one.startswith("-") or not lines else f"+ {one}" for k, one in enumerate(forcing)]
-                    rows.append(rf"\frac{{\mathrm{{d}}}}{{\mathrm{{d}} {s}}} {notation.text(state)} &= {joined([*lines, *tail], 5)}")
-                else:
-                    rows.append(f"{joined(lines, 5)} &= {joined(forcing, 4)}")
+        return [row for response in self.reduction.responses if response.own for row in (self.quadratures(response) if response.explicit is not None else self.linear_problem(response))]
+
+    def quadratures(self, response: Response) -> list[str]:
+        """Return a response as nested quadratures."""
+        notation, s = self.notation, self.notation.space
+        rows = []
+        for state, side, slope, constant in response.explicit or ():
+            start = notation.sum(notation.inlined(constant))
+            lead = rf"\left[{joined(start, 9)}\right]_{{{s} = {self.ends[0] if side == 'left' else self.ends[1]}}}" if start else ""
+            bounds = rf"\int_{{{self.ends[0]}}}^{{{s}}}" if side == "left" else rf"\int_{{{s}}}^{{{self.ends[1]}}}"
+            body = joined(notation.sum(notation.inlined(slope)), 9)
+            sign = "-" if side == "right" else "+" if lead else ""
+            rows.append(rf"{notation.text(response.states[state])} &= {' '.join(part for part in (lead, sign, bounds) if part)} \left({body}\right) \mathrm{{d}} \tilde{{{s}}}")
+        return rows
+
+    def linear_problem(self, response: Response) -> list[str]:
+        """Return the linear problem that a response solves."""
+        notation, operator, states = self.notation, response.operator, response.states
+        rows = []
+        for line, state, value in zip(operator.matrix, states, response.forcing, strict=True):
+            left, forcing = notation.combination(line, states), notation.sum(notation.inlined(value))
             if isinstance(operator, FirstOrderOperator):
-                for end, boundary, data in ((self.ends[0], operator.left, response.left), (self.ends[1], operator.right, response.right)):
-                    for line, value in zip(boundary.matrix, data, strict=True):
-                        left = notation.combination(line, response.states)
-                        rows.append(f"{joined(left, 5)} &= {joined(notation.sum(notation.inlined(value)), 4)}{notation.at(end)}")
-            if response.singular:
-                place = notation.at(sympy_latex(self.formulation.place)) if self.formulation.place is not None else ""
-                rows.append(f"{joined(notation.combination(self.reduction.mode.normalisation, response.states), 5)} &= 0{place}")
+                tail = [one if k or one.startswith("-") or not left else f"+ {one}" for k, one in enumerate(forcing)]
+                rows.append(rf"\frac{{\mathrm{{d}}}}{{\mathrm{{d}} {notation.space}}} {notation.text(state)} &= {joined([*left, *tail], 5)}")
+            else:
+                rows.append(f"{joined(left, 5)} &= {joined(forcing, 4)}")
+        if isinstance(operator, FirstOrderOperator):
+            for end, boundary, data in zip(self.ends, (operator.left, operator.right), (response.left, response.right), strict=True):
+                for line, value in zip(boundary.matrix, data, strict=True):
+                    rows.append(f"{joined(notation.combination(line, states), 5)} &= {joined(notation.sum(notation.inlined(value)), 4)}{notation.at(end)}")
+        if response.singular:
+            place = notation.at(sympy_latex(self.formulation.place)) if self.formulation.place is not None else ""
+            rows.append(f"{joined(notation.combination(self.reduction.mode.normalisation, states), 5)} &= 0{place}")
         return rows
 
 

@@ -11,10 +11,10 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal, localcontext
-from functools import partial
+from functools import cache, partial
 from html import escape
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from derive.derivation import Derivation, derive_amplitude_equation
 from derive.files import check_folder, write_files
@@ -26,6 +26,10 @@ from numerics.coefficients import Result, evaluate
 from numerics.comparison import Comparison, compare, further_values, reference_of
 from numerics.precision import EvaluationError
 from numerics.states import StatesResult, evaluate_states
+
+if TYPE_CHECKING:
+    from numerics.case import Case
+    from numerics.figures import Spectra
 
 FAILURES = (DerivationError, EvaluationError, ArithmeticError, ValueError, ImportError)
 """What may keep an optional part from the report: it then holds the reason. Anything else is a fault of the program, shown too, and no agreement."""
@@ -48,8 +52,9 @@ class Settings:
     @property
     def stages(self) -> tuple[str, ...]:
         """Return the stages in the order in which they are run."""
-        slow = () if self.quick else ("animation", "speed", "validation")
-        return ("derivation", *(f"coefficients, {route}" for route in ROUTES), "comparison", "states", "numbers of the states", "spectrum", *(f"figure {name}" for name in DRAWINGS), *slow, "files")
+        points, slow = ((), ()) if self.quick else (("states of the full problem",), ("animation", "speed", "validation"))
+        return ("derivation", *(f"coefficients, {route}" for route in ROUTES), "comparison", "states", "numbers of the states", *points, "spectrum",
+                *(f"figure {name}" for name in DRAWINGS), *slow, "files")
 
 
 class Stages:
@@ -170,14 +175,15 @@ def gather(derivation: Derivation, settings: Settings, stages: Stages) -> Findin
     comparison = stages.attempt("comparison", lambda: compared(derivation, best, reference) if reference else None)
     states = stages.attempt("states", lambda: derive_states(derivation))
     numbers = stages.attempt("numbers of the states", lambda: evaluate_states(emitted, states.emit(), "1", min(settings.digits, 12))) if states else None
-    points = None if settings.quick else stages.attempt("states of the full problem", lambda: full_points_of(derivation, emitted, best))
-    drawings = drawings_of(derivation, emitted, points, stages)
+    case = cache(partial(case_of, emitted, states))
+    points = None if settings.quick else stages.attempt("states of the full problem", lambda: full_points_of(derivation, case, best))
+    drawings = drawings_of(derivation, case, points, stages)
     animation = diagram = validation = None
     measurements: list[Any] = []
     if settings.quick:
         stages.reasons.update(dict.fromkeys(("animation", "speed", "validation"), QUICK))
     else:
-        animation = stages.attempt("animation", lambda: animation_of(emitted))
+        animation = stages.attempt("animation", lambda: animation_of(case))
         measured = stages.attempt("speed", lambda: speed_of(derivation.problem.name, emitted))
         measurements, diagram = measured or ([], "")
         validation = stages.attempt("validation", lambda: validation_of(derivation, emitted, best))
@@ -193,43 +199,52 @@ def by_route(emitted: str, digits: int, route: str) -> Result:
     return evaluate(emitted, digits=digits, certify=True) if route == "certified" else evaluate(emitted, digits=digits, route=route)
 
 
-def full_points_of(derivation: Derivation, emitted: str, result: Result) -> Mapping[str, Any]:
+def case_of(emitted: str, states: States | None) -> Case:
+    """Return what the figures are drawn of."""
+    from numerics import figures
+
+    if states is None:
+        raise EvaluationError("found no states of the amplitude equation; the figures show them")
+    return figures.case_of(emitted, states.emit())
+
+
+def full_points_of(derivation: Derivation, case: Callable[[], Case], result: Result) -> Mapping[str, Any]:
     """Return a few states of the full nonlinear problem for the bifurcation diagram."""
     from derive.residual import emit_residual
-    from numerics.figures import case_of
     from numerics.full import measured_points
 
-    return measured_points(emit_residual(derivation.problem), result, 2 * case_of(emitted).mu)
+    return measured_points(emit_residual(derivation.problem), result, 2 * case().mu)
 
 
-def drawings_of(derivation: Derivation, emitted: str, points: Mapping[str, Any] | None, stages: Stages) -> dict[str, str]:
+def spectra_of(derivation: Derivation) -> Spectra:
+    """Return the eigenvalues against the control."""
+    from derive.spectrum import spectrum_curves
+    from numerics.figures import Spectra
+
+    curves = spectrum_curves(derivation)
+    return Spectra(controls=curves.controls, eigenvalues=curves.eigenvalues, oscillation=curves.oscillation)
+
+
+def drawings_of(derivation: Derivation, case: Callable[[], Case], points: Mapping[str, Any] | None, stages: Stages) -> dict[str, str]:
     """Return the figures that apply, as SVG."""
-    def spectra() -> Any:
-        from derive.spectrum import spectrum_curves
-        from numerics.figures import Spectra
-
-        curves = spectrum_curves(derivation)
-        return Spectra(controls=curves.controls, eigenvalues=curves.eigenvalues, oscillation=curves.oscillation)
+    spectra = stages.attempt("spectrum", partial(spectra_of, derivation)) if "growth" in DRAWINGS else None
 
     def drawn(name: str) -> str:
-        from numerics.figures import case_of, draw, saved
+        from numerics.figures import draw, saved
 
-        return saved(draw(case_of(emitted), name, found, points), "svg").decode("utf-8")
+        return saved(draw(case(), name, spectra, points), "svg").decode("utf-8")
 
-    found = stages.attempt("spectrum", spectra) if "growth" in DRAWINGS else None
     drawings = {name: stages.attempt(f"figure {name}", partial(drawn, name)) for name in DRAWINGS}
     return {name: svg for name, svg in drawings.items() if svg is not None}
 
 
-def animation_of(emitted: str) -> dict[str, str | bytes]:
+def animation_of(case: Callable[[], Case]) -> dict[str, str | bytes]:
     """Return the animation as a piece of HTML, as a page and as a GIF."""
     from numerics.animation import animation_of as animated
     from numerics.animation import fragment_of, gif_of, page_of
-    from numerics.figures import case_of
 
-    case = case_of(emitted)
-    animation = animated(case)
-    return {"fragment": fragment_of(animation), "figures/animation.html": page_of(animation), "figures/animation.gif": gif_of(animation, case)}
+    animation = animated(case())
+    return {"fragment": fragment_of(animation), "figures/animation.html": page_of(animation), "figures/animation.gif": gif_of(animation, case())}
 
 
 def speed_of(name: str, emitted: str) -> tuple[list[Any], str]:

@@ -50,7 +50,8 @@ class Contribution:
 class Response:
     """The response to a non-resonant monomial of second order.
 
-    `states` solve `operator` with `forcing` and boundary data `left`, `right`; `values` are the unknowns of the statement.
+    `states` solve `operator` with `forcing` and boundary data `left`, `right`: functions of its `own`, or else zero or those of a response to the
+    same forcing. `values` are the unknowns of the statement.
     """
 
     name: str
@@ -58,7 +59,8 @@ class Response:
     harmonic: int
     operator: Operator
     operator_name: str
-    states: tuple[Symbol, ...]
+    own: tuple[Symbol, ...]
+    states: tuple[Expr, ...]
     forcing: tuple[Expr, ...]
     left: tuple[Expr, ...]
     right: tuple[Expr, ...]
@@ -186,7 +188,10 @@ def respond(orders: Orders, monomial: Monomial, operator: Operator, operator_nam
         return None
     name = label(monomial, amplitudes)
     given = {key: functions.named(f"f_{name}_{key[0]}_{key[1]}", value) if key[0] == "row" else value for key, value in given.items()}
-    states = tuple(Symbol(f"w_{name}_{orders.expansion.formulation.unknowns[unknown].name}{'_s' * order}") for unknown, order in operator.names)
+    own = tuple(Symbol(f"w_{name}_{orders.expansion.formulation.unknowns[unknown].name}{'_s' * order}") for unknown, order in operator.names)
+    for state in own:
+        functions.declare(state, Integer(0))
+    states: tuple[Expr, ...] = own
     forcing = tuple(forced(row, given, functions) for row in operator.forcing)
     left: tuple[Expr, ...] = ()
     right: tuple[Expr, ...] = ()
@@ -197,23 +202,16 @@ def respond(orders: Orders, monomial: Monomial, operator: Operator, operator_nam
         right = tuple(forced(row, given, functions) for row in operator.right.forcing)
         for side, rows in (("left", operator.left), ("right", operator.right)):
             spare += [(side, labels_of(row, orders.expansion), forced(row, given, functions)) for row in rows.spare]
-        for state in states:
-            functions.declare(state, Integer(0))
-        trivial = not any((*forcing, *left, *right)) and not singular
-        memo = (operator_name, forcing, left, right)
-        twin = orders.solved.get(memo)
-        if trivial:
-            states = tuple(Integer(0) for _ in states)  # type: ignore[misc]
-        elif twin is not None:
-            states = twin
+        problem = (operator_name, forcing, left, right)
+        if not singular and not any((*forcing, *left, *right)):
+            own, states = (), tuple(Integer(0) for _ in own)
+        elif problem in orders.solved:
+            own, states = (), orders.solved[problem]
         else:
-            orders.solved[memo] = states
-            for i, state in enumerate(states):
+            orders.solved[problem] = own
+            for i, state in enumerate(own):
                 functions.declare(state, sum((operator.matrix[i][j] * states[j] for j in range(operator.size)), forcing[i]))
-            explicit = None if singular else direct_integration(operator, states, forcing, left, right)
-    else:
-        for state in states:
-            functions.declare(state, Integer(0))
+            explicit = None if singular else direct_integration(operator, own, forcing, left, right)
     values: dict[int, Expr] = {}
     for unknown, (over, extra) in operator.recovery.items():
         total = sum((over[j] * states[j] for j in range(len(states))), Integer(0)) + forced(extra, given, functions)
@@ -222,7 +220,7 @@ def respond(orders: Orders, monomial: Monomial, operator: Operator, operator_nam
     orders.contributions.append(Contribution(monomial=monomial, order=2, harmonic=orders.harmonic(monomial), values=values))
     return Response(
         name=name, monomial=monomial, harmonic=orders.harmonic(monomial), operator=operator, operator_name=operator_name,
-        states=states, forcing=forcing, left=left, right=right, values=values, spare=tuple(one for one in spare if one[2] != 0), singular=singular, explicit=explicit,
+        own=own, states=states, forcing=forcing, left=left, right=right, values=values, spare=tuple(one for one in spare if one[2] != 0), singular=singular, explicit=explicit,
     )
 
 

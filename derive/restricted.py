@@ -20,7 +20,7 @@ from sympy import Expr, I, Integer, Matrix, Symbol
 from derive.expand import expand
 from derive.expansion import Expansion, TaylorRow
 from derive.functions import Functions
-from derive.operator import OMEGA, FirstOrderOperator
+from derive.operator import FirstOrderOperator
 from derive.solvability import Solvability
 from derive.statement import DerivationError
 
@@ -127,81 +127,73 @@ def restricted_problem(expansion: Expansion, weight: int, growth: Expr) -> Restr
     DerivationError
         The rows of that weight are not as many as the fields (redundant rows), or have no parity under reflections.
     """
-    unknowns = expansion.formulation.unknowns
-    fields = tuple(unknown.index for unknown in unknowns if unknown.weight == weight)
+    fields = tuple(unknown.index for unknown in expansion.formulation.unknowns if unknown.weight == weight)
     column = {index: j for j, index in enumerate(fields)}
+    rows = {kind: linear_rows(stated, weight, column, growth) for kind, stated in expansion.groups}
+    if len(rows["row"]) != len(fields):
+        raise DerivationError("the rows of the critical weight are not as many as its fields")
+    parity, row_parity = parities(expansion, weight, column, growth, rows)
 
-    def at(row: TaylorRow) -> dict[JetColumn, Expr]:
+    def parity_of(kind: str) -> tuple[int, ...]:
+        return tuple(row_parity.get((kind, number), 1) for number in rows[kind])
+
+    return RestrictedProblem(
+        fields=fields,
+        operator=tuple(tuple({ds: value for (j, ds), value in sorted(row.items()) if j == k} for k in range(len(fields))) for row in rows["row"].values()),
+        left=tuple(rows["left"].values()), right=tuple(rows["right"].values()), parity=tuple(parity.get(j, 1) for j in range(len(fields))),
+        row_parity=parity_of("row"), left_parity=parity_of("left"), right_parity=parity_of("right"),
+        rows=tuple(rows["row"]), left_rows=tuple(rows["left"]), right_rows=tuple(rows["right"]), space=expansion.formulation.space,
+    )
+
+
+def linear_rows(rows: Sequence[TaylorRow], weight: int, column: Mapping[int, int], growth: Expr) -> dict[int, dict[JetColumn, Expr]]:
+    """Return {number: linear part in the harmonic} of the rows of one weight; `column` maps its unknowns to columns."""
+    result: dict[int, dict[JetColumn, Expr]] = {}
+    for number, row in enumerate(rows):
         total: dict[JetColumn, Expr] = {}
         for (unknown, ds, dt), c in row.linear().items():
-            if unknown in column:
+            if row.weight == weight and unknown in column:
                 key = (column[unknown], ds)
                 total[key] = expand(total.get(key, Integer(0)) + c * growth**dt)
-        return {key: value for key, value in total.items() if value != 0}
+        total = {key: value for key, value in total.items() if value != 0}
+        if total:
+            result[number] = total
+    return result
 
-    def pick(rows: tuple[TaylorRow, ...]) -> list[tuple[int, dict[JetColumn, Expr]]]:
-        return [(number, at(row)) for number, row in enumerate(rows) if row.weight == weight and at(row)]
 
-    interior = pick(expansion.rows)
-    ends = [pick(end) for end in expansion.ends]
-    if len(interior) != len(fields):
-        raise DerivationError("the rows of the critical weight are not as many as its fields")
-    mirrored = mirror_rows(expansion, weight)
-    parity: dict[int, int] = {column[index]: 1 for index in expansion.formulation.normalised if index in column}
+def parities(expansion: Expansion, weight: int, column: Mapping[int, int], growth: Expr,
+             rows: Mapping[str, Mapping[int, Mapping[JetColumn, Expr]]]) -> tuple[dict[int, int], dict[tuple[str, int], int]]:
+    """Return {column: parity} and {(kind, row): parity} under reflections that hold the axis, from the normalised field on.
+
+    A reflection exchanges the circular components: a row is compared with that of the opposite weight.
+    """
+    mirrored: Mapping[str, Mapping[int, Mapping[JetColumn, Expr]]] = rows
+    if weight:
+        unknowns = expansion.formulation.unknowns
+        partner = {next(other.index for other in unknowns if other.field == unknowns[index].field and other.weight == -weight): j for index, j in column.items()}
+        mirrored = {}
+        for kind, stated in expansion.groups:
+            opposite = linear_rows(stated, -weight, partner, growth)
+            if len(opposite) != len(rows[kind]):
+                raise DerivationError("the two senses of rotation have different rows")
+            mirrored[kind] = dict(zip(rows[kind], opposite.values(), strict=True))
+    parity = {column[index]: 1 for index in expansion.formulation.normalised if index in column}
     row_parity: dict[tuple[str, int], int] = {}
-    everything = [("row", *one) for one in interior] + [(side, *one) for side, end in zip(("left", "right"), ends, strict=False) for one in end]
-    for _ in range(len(everything) + len(fields)):
+    everything = [(kind, number, row) for kind, group in rows.items() for number, row in group.items()]
+    for _ in range(len(everything) + len(column)):
         for kind, number, row in everything:
-            other = mirrored.get((kind, number), row if weight == 0 else {})
             for key, value in row.items():
-                opposite = other.get(key)
-                if opposite is None:
+                other = mirrored[kind][number].get(key)
+                if other is None:
                     continue
-                sign = 1 if expand(opposite - value) == 0 else -1 if expand(opposite + value) == 0 else 0
-                if sign == 0 and weight:
+                sign = 1 if expand(other - value) == 0 else -1 if expand(other + value) == 0 else 0
+                if sign == 0:
                     raise DerivationError("a row has no parity under reflections")
-                sign = sign or 1
                 if key[0] in parity:
                     row_parity.setdefault((kind, number), sign * parity[key[0]])
                 elif (kind, number) in row_parity:
                     parity.setdefault(key[0], sign * row_parity[kind, number])
-    nothing: list[tuple[int, dict[JetColumn, Expr]]] = []
-    left, right = (ends[0], ends[1]) if len(ends) == 2 else (nothing, nothing)
-    return RestrictedProblem(
-        fields=fields,
-        operator=tuple(tuple({ds: value for (j, ds), value in sorted(row.items()) if j == k} for k in range(len(fields))) for _, row in interior),
-        left=tuple(row for _, row in left), right=tuple(row for _, row in right),
-        parity=tuple(parity.get(j, 1) for j in range(len(fields))),
-        row_parity=tuple(row_parity.get(("row", number), 1) for number, _ in interior),
-        left_parity=tuple(row_parity.get(("left", number), 1) for number, _ in left),
-        right_parity=tuple(row_parity.get(("right", number), 1) for number, _ in right),
-        rows=tuple(number for number, _ in interior), left_rows=tuple(number for number, _ in left), right_rows=tuple(number for number, _ in right),
-        space=expansion.formulation.space,
-    )
-
-
-def mirror_rows(expansion: Expansion, weight: int) -> Mapping[tuple[str, int], dict[JetColumn, Expr]]:
-    """Return, for each row of `weight`, the same of the opposite weight in the columns of `weight` (growth left out: it is common)."""
-    if weight == 0:
-        return {}
-    unknowns = expansion.formulation.unknowns
-    fields = [unknown.index for unknown in unknowns if unknown.weight == weight]
-    partner = {unknown.index: [other.index for other in unknowns if other.field == unknown.field and other.weight == -weight][0] for unknown in unknowns if unknown.weight == weight}
-    column = {partner[index]: j for j, index in enumerate(fields)}
-    result: dict[tuple[str, int], dict[JetColumn, Expr]] = {}
-    for kind, rows in expansion.groups:
-        plus = [number for number, row in enumerate(rows) if row.weight == weight and row.linear()]
-        minus = [number for number, row in enumerate(rows) if row.weight == -weight and row.linear()]
-        if len(plus) != len(minus):
-            raise DerivationError("the two senses of rotation have different rows")
-        for number, other in zip(plus, minus, strict=True):
-            entry: dict[JetColumn, Expr] = {}
-            for (unknown, ds, dt), c in rows[other].linear().items():
-                if unknown in column:
-                    key = (column[unknown], ds)
-                    entry[key] = expand(entry.get(key, Integer(0)) + c * (I * OMEGA) ** dt)
-            result[kind, number] = entry
-    return result
+    return parity, row_parity
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

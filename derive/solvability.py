@@ -62,7 +62,7 @@ class Solvability:
         return integrand, ends
 
 
-def solvability_of(operator: FirstOrderOperator | AlgebraicOperator, functions: Functions, formulation: Formulation, stem: str = "zeta") -> Solvability:
+def solvability_of(operator: FirstOrderOperator | AlgebraicOperator, functions: Functions, formulation: Formulation) -> Solvability:
     """Return the solvability condition of the critical operator, in terms of the adjoint functions `zeta`.
 
     Notes
@@ -70,26 +70,36 @@ def solvability_of(operator: FirstOrderOperator | AlgebraicOperator, functions: 
     Source: labels ``J explicit``, ``general solvability`` of the paper.
     """
     n = operator.size
-    zeta = tuple(Symbol(stem if k == n - 1 else f"{stem}_{n - 1 - k}") for k in range(n))
-    work = Elimination(formulation)
-    if isinstance(operator, AlgebraicOperator):
-        for symbol in zeta:
-            functions.declare(symbol, Integer(0))
-        interior: dict[int, Expr] = {}
-        for symbol, forcing in zip(zeta, operator.forcing, strict=True):
-            for (_, row, _), coefficient in forcing.items():
-                interior[row] = interior.get(row, Integer(0)) + symbol * coefficient
-        return Solvability(interior=interior, boundary={}, data={}, zeta=zeta, adjoint=None)
-    adjoint = adjoint_of(operator)
-    for i, symbol in enumerate(zeta):
-        functions.declare(symbol, expand(sum((adjoint.matrix[i][j] * zeta[j] for j in range(n)), Integer(0))))
-    weights: dict[tuple[int, int], Expr] = {}
+    zeta = tuple(Symbol("zeta" if k == n - 1 else f"zeta_{n - 1 - k}") for k in range(n))
+    weights: dict[tuple[int, int], Expr] = {}  # of each row and each derivative of it
     for symbol, forcing in zip(zeta, operator.forcing, strict=True):
         for (_, row, order), coefficient in forcing.items():
             weights[row, order] = weights.get((row, order), Integer(0)) + symbol * coefficient
-    interior = {}
-    boundary: dict[tuple[str, int, int], Expr] = {}
+    if isinstance(operator, AlgebraicOperator):
+        for symbol in zeta:
+            functions.declare(symbol, Integer(0))
+        return Solvability(interior={row: weight for (row, _), weight in weights.items()}, boundary={}, data={}, zeta=zeta, adjoint=None)
+    adjoint = adjoint_of(operator)
+    for i, symbol in enumerate(zeta):
+        functions.declare(symbol, expand(sum((adjoint.matrix[i][j] * zeta[j] for j in range(n)), Integer(0))))
+    interior, boundary = by_parts(weights, functions)
     data: dict[tuple[str, int], Expr] = {}
+    # - z(r).y(r) + z(l).y(l) with y at the ends from the boundary rows: T y = h, z = T^T nu
+    for end, rows, sign in (("right", operator.right, -1), ("left", operator.left, 1)):
+        for forcing, pivot in zip(rows.forcing, rows.pivots, strict=True):
+            for (kind, row, order), coefficient in forcing.items():
+                if kind == "row":
+                    boundary[end, row, order] = boundary.get((end, row, order), Integer(0)) + sign * coefficient * zeta[pivot]
+                else:
+                    data[kind, row] = data.get((kind, row), Integer(0)) + sign * coefficient * zeta[pivot]
+    kept = {key: multiplier for key, value in sorted(boundary.items()) if (multiplier := at_end(value, key[0], operator, zeta, formulation)) != 0}
+    return Solvability(interior=dict(sorted(interior.items())), boundary=kept, data=dict(sorted(data.items())), zeta=zeta, adjoint=adjoint)
+
+
+def by_parts(weights: Mapping[tuple[int, int], Expr], functions: Functions) -> tuple[dict[int, Expr], dict[tuple[str, int, int], Expr]]:
+    """Return {row: multiplier} and {(end, row, derivative): multiplier} of the forcing, derivatives moved from it to the adjoint."""
+    interior: dict[int, Expr] = {}
+    boundary: dict[tuple[str, int, int], Expr] = {}
     for (row, order), weight in sorted(weights.items()):
         # int w D^k f = sum_{m<k} (-1)^m [D^m w D^(k-1-m) f] + (-1)^k int D^k w f
         for m in range(order):
@@ -98,24 +108,14 @@ def solvability_of(operator: FirstOrderOperator | AlgebraicOperator, functions: 
                 key = (end, row, order - 1 - m)
                 boundary[key] = boundary.get(key, Integer(0)) + sign * slope
         interior[row] = expand(interior.get(row, Integer(0)) + (-1) ** order * functions.derivative(weight, order))
-    # - z(r).y(r) + z(l).y(l) with y at the ends from the boundary rows: T y = h, z = T^T nu
-    for end, rows, pivots, sign in (("right", operator.right, adjoint.right_pivots, -1), ("left", operator.left, adjoint.left_pivots, 1)):
-        for forcing, pivot in zip(rows.forcing, pivots, strict=True):
-            for (kind, row, order), coefficient in forcing.items():
-                if kind == "row":
-                    boundary[end, row, order] = boundary.get((end, row, order), Integer(0)) + sign * coefficient * zeta[pivot]
-                else:
-                    data[kind, row] = data.get((kind, row), Integer(0)) + sign * coefficient * zeta[pivot]
-    # Adjoint rows turn the entries that are no pivots into those that are; what then cancels is dropped.
-    place = dict(zip(("left", "right"), formulation.interval or (), strict=False))
-    kept: dict[tuple[str, int, int], Expr] = {}
-    for (end, row, order), multiplier in sorted(boundary.items()):
-        rows, pivots = (operator.left, adjoint.left_pivots) if end == "left" else (operator.right, adjoint.right_pivots)
-        table = {zeta[j]: sum((rows.matrix[i][j] * zeta[pivot] for i, pivot in enumerate(pivots)), Integer(0)) for j in range(n) if j not in pivots}
-        at = multiplier.xreplace(table).subs(formulation.space, place[end])
-        at = expand(at)
-        parts = [(symbol, work.tidy(at.coeff(symbol))) for symbol in zeta]
-        at = sum((symbol * part for symbol, part in parts if part != 0), Integer(0))
-        if at != 0:
-            kept[end, row, order] = at
-    return Solvability(interior={row: interior[row] for row in sorted(interior)}, boundary=kept, data={key: data[key] for key in sorted(data)}, zeta=zeta, adjoint=adjoint)
+    return interior, boundary
+
+
+def at_end(multiplier: Expr, end: str, operator: FirstOrderOperator, zeta: tuple[Symbol, ...], formulation: Formulation) -> Expr:
+    """Return a multiplier read at an end, by the adjoint rows over the entries of zeta that are pivots; what then cancels is dropped."""
+    rows = operator.left if end == "left" else operator.right
+    place = dict(zip(("left", "right"), formulation.interval or (), strict=False))[end]
+    table = {symbol: sum((line[j] * zeta[pivot] for line, pivot in zip(rows.matrix, rows.pivots, strict=True)), Integer(0)) for j, symbol in enumerate(zeta) if j not in rows.pivots}
+    value = expand(multiplier.xreplace(table).subs(formulation.space, place))
+    work = Elimination(formulation)
+    return sum((symbol * work.tidy(value.coeff(symbol)) for symbol in zeta), Integer(0))

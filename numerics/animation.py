@@ -18,7 +18,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
-from numerics.figures import BLACK, BLUE, GREY, RED, Case, approach_scene, field_symbol, styled, symbol
+from numerics.case import Case, approach_scene, field_symbol
+from numerics.drawing import BLACK, BLUE, GREY, RED, styled
 from numerics.motion import shapes_of
 from numerics.precision import EvaluationError
 
@@ -91,7 +92,7 @@ def gif_of(animation: Animation, case: Case, every: int = 3) -> bytes:
             shadow.set_data_3d(x, y, np.full_like(z, low))
             path.set_data_3d(*animation.curves[max(0, k - FRAMES_A_TURN):k + 1, -1].T)
             tip.set_data_3d(x[-1:], y[-1:], z[-1:])
-            title.set_text(rf"${symbol(case.module.CONTROL)}-{symbol(case.module.CONTROL, 'c')} = {case.mu:g}$,  $\omega t/2\pi = {animation.periods[k]:.0f}$")
+            title.set_text(rf"${case.control}-{case.control_c} = {case.mu:g}$,  $\omega t/2\pi = {animation.periods[k]:.0f}$")
             canvas.draw()
             images.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]).quantize(palette=palette, dither=Image.Dither.NONE))
     memory = io.BytesIO()

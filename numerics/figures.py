@@ -1,66 +1,21 @@
-r"""Figures of a problem from its emitted module: matplotlib `Figure` objects, made without pyplot and the same at every run.
-
-Amplitudes are scaled by :math:`|\mu|^{1/2}` (by :math:`|\mu|` for a transcritical bifurcation), with which the amplitude equation is free of
-:math:`\mu`. Scenes are chosen from the coefficients alone: initial amplitudes are shares of the amplitude of the states, and :math:`\mu`
-is such that a growing disturbance needs about eight periods for a factor e.
-"""
+"""Figures of a problem from its emitted module: matplotlib `Figure` objects. One that does not apply to a problem is refused, with the reason."""
 
 from __future__ import annotations
 
-import io
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import pi
-from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from numerics.coefficients import Module, Result, evaluate
-from numerics.ellipse import ellipse_of
-from numerics.motion import Motion, Scene, fast_phase, motion_from, shape_of, shapes_of
+from numerics.case import Case, along, approach_scene, bounded, branches, case_of, field_symbol, modulus, nice
+from numerics.drawing import BLACK, BLUE, GREEK, GREEN, GREY, ORANGE, PURPLE, RED, SKY, bold, fade, letter, saved, styled, symbol
+from numerics.motion import Motion, fast_phase, shapes_of
 from numerics.precision import EvaluationError
-
-# Okabe and Ito's palette, which the colour-blind can tell apart.
-BLACK, ORANGE, SKY, GREEN, BLUE, RED, PURPLE = "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7"
-GREY = "#777777"
-STYLE: dict[str, Any] = {
-    "font.size": 9, "axes.labelsize": 10, "legend.fontsize": 8, "xtick.labelsize": 8, "ytick.labelsize": 8, "axes.titlesize": 9,
-    "font.family": "DejaVu Sans", "mathtext.fontset": "dejavuserif", "axes.linewidth": 0.7, "lines.linewidth": 1.3, "legend.frameon": False, "legend.handlelength": 2.6,
-    "xtick.direction": "in", "ytick.direction": "in", "xtick.top": True, "ytick.right": True, "savefig.dpi": 200, "figure.facecolor": "white", "svg.hashsalt": "fredholm",
-    "svg.fonttype": "path", "pdf.fonttype": 42, "axes.formatter.use_mathtext": True, "axes.formatter.useoffset": False, "agg.path.chunksize": 0,
-}
-GREEK = frozenset("alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau upsilon phi chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma Phi Psi Omega".split())
-FORMATS = ("svg", "png", "pdf")
-PERIODS = 8
-
-
-def styled() -> Any:
-    """Return the context in which figures are made: the style above over matplotlib's defaults, whatever the user has set."""
-    default: dict[Any, Any] = dict(matplotlib.rcParamsDefault)
-    kept: Any = {key: value for key, value in default.items() if not key.startswith(("backend", "interactive", "toolbar"))}
-    kept.update(STYLE)
-    return matplotlib.rc_context(kept)
-
-
-def symbol(name: str, extra: str = "") -> str:
-    """Return a name as mathtext, `lambda_1` as a Greek letter with a subscript; `extra` joins the subscript."""
-    stem, _, below = re.sub(r"\W", "", name).strip("_").partition("_")
-    stem = f"\\{stem}" if stem in GREEK else stem if len(stem) == 1 else rf"\mathrm{{{stem}}}"
-    below = ",".join(part for part in (below.replace("_", ","), extra) if part)
-    return f"{stem}_{{{below}}}" if below else stem
-
-
-def nice(value: float) -> float:
-    """Return a positive number rounded to one digit."""
-    return float(f"{value:.0e}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,140 +25,6 @@ class Spectra:
     controls: NDArray[np.float64]
     eigenvalues: NDArray[np.complex128]
     oscillation: float | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Branch:
-    r"""A state that bifurcates: |A|^2 (A for a transcritical one) is `share` times mu, for one sign of mu.
-
-    `stability` is "stable", "unstable", or "partly": stable in its plane, unstable across.
-    """
-
-    name: str
-    share: float
-    peak: float  # largest displacement over |A|
-    stability: str
-
-    def exists(self, mu: float) -> bool:
-        """Tell whether the state exists at mu."""
-        return self.share * mu > 0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
-    """A problem with its coefficients, and the scales of the scenes that are drawn of it."""
-
-    emitted: str
-    module: Module
-    result: Result
-    values: Mapping[str, complex]
-
-    @property
-    def omega(self) -> float:
-        """The frequency; 0 when steady."""
-        return float(self.result.threshold.frequency or 0)
-
-    @property
-    def threshold(self) -> float:
-        """The control at the threshold."""
-        return float(self.result.threshold.control)
-
-    @property
-    def gamma(self) -> complex:
-        """Coefficient of mu A."""
-        return self.values["mu*A"]
-
-    @property
-    def vector(self) -> bool:
-        """Tell whether the amplitude is a vector."""
-        return bool(self.module.MULTIPLICITY == 2)
-
-    @property
-    def steady(self) -> bool:
-        """Tell whether the amplitude is real."""
-        return bool(self.module.KIND == "steady")
-
-    @property
-    def transcritical(self) -> bool:
-        """Tell whether the equation ends at A**2."""
-        return "A**2" in self.values
-
-    @property
-    def planar(self) -> complex:
-        """Coefficient of |A|^2 A (or A^2) for motion along a line."""
-        return sum((value for monomial, value in self.values.items() if monomial != "mu*A" and not monomial.startswith("epsilon")), 0j)
-
-    @property
-    def circular(self) -> complex:
-        """Coefficient of |A|^2 A for motion on a circle."""
-        return self.values["dot(A,conj(A))*A"]
-
-    @property
-    def mu(self) -> float:
-        """The distance from the threshold that scenes are drawn at."""
-        low, high = map(float, self.module.CONTROL_RANGE)
-        return nice((high - low) / 100) if self.steady else nice(self.omega / (2 * pi * self.gamma.real * PERIODS))
-
-    @property
-    def size(self) -> float:
-        """|A| of the state along a line, at |mu| = 1."""
-        share = abs(self.gamma.real / self.planar.real)
-        return share if self.transcritical else float(np.sqrt(share))
-
-    def scale(self, mu: float) -> float:
-        """Return what amplitudes are divided by."""
-        return abs(mu) if self.transcritical else float(np.sqrt(abs(mu)))
-
-    def scaled_by(self, text: str, norm: bool = True) -> str:
-        """Return the mathtext of a length over the scale."""
-        control = rf"{symbol(self.module.CONTROL)}-{symbol(self.module.CONTROL, 'c')}"
-        control = f"|{control}|" if norm else f"({control})"
-        return rf"${text}\,/\,{control}$" if self.transcritical else rf"${text}\,/\,{control}^{{1/2}}$"
-
-    def move(self, initial: Sequence[complex], mu: float, until: float) -> Motion:
-        """Return the motion from an initial amplitude."""
-        scene = Scene(initial=tuple(complex(one) for one in initial), mu=mu, until=until)
-        return motion_from(self.result, scene, shape_of(scene.initial, self.steady))
-
-
-def case_of(emitted: str | Path | Mapping[str, Any]) -> Case:
-    """Return the case of an emitted module.
-
-    Raises
-    ------
-    EvaluationError
-        Every nonlinear coefficient vanishes, so that no state is known.
-    """
-    result = evaluate(emitted, digits=15)
-    return Case(emitted=emitted, module=Module(emitted), result=result, values={one.monomial: complex(one.value) for one in result.coefficients})  # type: ignore[arg-type]
-
-
-def branches(case: Case) -> tuple[Branch, ...]:
-    """Return the bifurcating states and their stability, from the linearisation of the amplitude equation about each."""
-    gamma, k = case.gamma.real, case.planar.real
-    found = []
-    sub = "unstable"
-    if case.steady:
-        name = "branch"
-        if k:
-            share = -gamma / k
-            found.append(Branch(name=name, share=share, peak=1.0, stability="stable" if case.transcritical or k < 0 else sub))
-        return tuple(found)
-    peak = 2.0
-    if not case.vector:
-        return (Branch(name="cycle", share=-gamma / k, peak=peak, stability="stable" if k < 0 else sub),) if k else ()
-    alpha, beta = case.values["dot(A,A)*conj(A)"].real, case.circular.real
-    if k:  # along: -2 gamma mu; across: 2 alpha gamma mu/(alpha + beta)
-        stability = sub if k > 0 else "stable" if alpha > 0 else "partly"
-        found.append(Branch(name="beating", share=-gamma / k, peak=peak, stability=stability))
-    if beta:  # -2 gamma mu, and -2 gamma mu alpha/beta twice
-        found.append(Branch(name="whirling", share=-gamma / beta, peak=float(np.sqrt(2)), stability="stable" if beta < 0 and alpha < 0 else sub))
-    return tuple(found)
-
-
-def letter(axes: Axes, text: str) -> None:
-    """Put a panel's letter in its corner."""
-    axes.annotate(f"({text})", (0, 1), xycoords="axes fraction", xytext=(-4, 5), textcoords="offset points", ha="right", va="bottom")
 
 
 # (1) growth rate and frequency against the control
@@ -226,7 +47,7 @@ def growth_figure(case: Case, spectra: Spectra) -> Figure:
             axes.plot(spectra.controls, values, color=BLUE if k in critical else GREY, lw=1.5 if k in critical else 0.9)
     low, high = float(np.nanmin(leading.real)), float(np.nanmax(leading.real))
     span = high - low or 1.0
-    growth = r"\sigma" if symbol(case.module.CONTROL).startswith(r"\lambda") else r"\lambda"  # two quantities, two letters
+    growth = r"\sigma" if case.control.startswith(r"\lambda") else r"\lambda"  # two quantities, two letters
     top.set_ylim(low - 0.12 * span, high + 0.08 * span)
     top.axhline(0, color=BLACK, lw=0.6)
     marks = [(case.threshold, "c")] + ([(spectra.oscillation, "o")] if spectra.oscillation is not None else [])
@@ -243,7 +64,7 @@ def growth_figure(case: Case, spectra: Spectra) -> Figure:
         bottom.annotate(rf"$\omega = {case.omega:.5g}$" if case.omega else "", (case.threshold, case.omega), xytext=(6, -6), textcoords="offset points", va="top", color=RED)
         bottom.set_ylabel(rf"$|{growth}_i|$")
     top.set_ylabel(rf"${growth}_r$" if oscillates else rf"${growth}$")
-    bottom.set_xlabel(rf"${symbol(case.module.CONTROL)}$")
+    bottom.set_xlabel(rf"${case.control}$")
     bottom.set_xlim(spectra.controls[0], spectra.controls[-1])
     return figure
 
@@ -277,33 +98,40 @@ def mode_figure(case: Case) -> Figure:
     for axes in grid.ravel()[len(panels):]:
         axes.set_axis_off()
     for axes, (name, direction, values) in zip(grid.ravel(), panels, strict=False):
-        title = r"\varphi" if name == case.module.NORMALISED else rf"\tilde{{{bold(name) if direction else symbol(name)}}}"
-        if direction:
-            title += rf"\ (\mathrm{{along}}\ {direction})"
         axes.axhline(0, color=GREY, lw=0.5)
-        if not shapes.spatial:
-            angle = np.linspace(0, 2 * pi, 201)
-            if case.steady:
-                axes.bar([0], [values[0].real], width=0.4, color=BLUE)
-                axes.set_xticks([])
-                axes.set_xlim(-1, 1)
-                axes.set_title(rf"${symbol(name)}$")
-                continue
-            axes.plot(angle / (2 * pi), 2 * np.real(values[0] * np.exp(1j * angle)), color=BLUE)
-            axes.set_xlabel(r"$\omega t/2\pi$")
+        if shapes.spatial:
+            draw_shape(axes, shapes.places, values, case.steady)
+            title = r"\varphi" if name == case.module.NORMALISED else rf"\tilde{{{bold(name) if direction else symbol(name)}}}"
+            axes.set_title(rf"${title}\ (\mathrm{{along}}\ {direction})$" if direction else f"${title}$")
+        elif case.steady:
+            axes.bar([0], [values[0].real], width=0.4, color=BLUE)
+            axes.set_xticks([])
+            axes.set_xlim(-1, 1)
+            axes.set_title(rf"${symbol(name)}$")
+        else:
+            draw_period(axes, values[0])
             axes.set_title(rf"$2\,\mathrm{{Re}}(\tilde{{{symbol(name)}}}\,e^{{i\omega t}})$")
-            axes.set_xlim(0, 1)
-            continue
-        axes.plot(shapes.places, values.real, color=BLUE, label="real part" if not case.steady else None)
-        if not case.steady:
-            axes.plot(shapes.places, values.imag, color=RED, ls="--", label="imaginary part")
-        axes.set_xlabel(r"$s$")
-        axes.set_title(rf"${title}$")
-        axes.set_xlim(shapes.places[0], shapes.places[-1])
     if not case.steady and shapes.spatial:
         handles, labels = grid[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return figure
+
+
+def draw_shape(axes: Axes, places: NDArray[np.float64], values: NDArray[np.complex128], steady: bool) -> None:
+    """Draw a function of s; a complex one by its parts."""
+    axes.plot(places, values.real, color=BLUE, label="real part" if not steady else None)
+    if not steady:
+        axes.plot(places, values.imag, color=RED, ls="--", label="imaginary part")
+    axes.set_xlabel(r"$s$")
+    axes.set_xlim(places[0], places[-1])
+
+
+def draw_period(axes: Axes, value: complex) -> None:
+    """Draw one period of what oscillates with a complex amplitude."""
+    angle = np.linspace(0, 2 * pi, 201)
+    axes.plot(angle / (2 * pi), 2 * np.real(value * np.exp(1j * angle)), color=BLUE)
+    axes.set_xlabel(r"$\omega t/2\pi$")
+    axes.set_xlim(0, 1)
 
 
 def mode_components(name: str, terms: Sequence[Any], unknowns: Sequence[tuple[str, str]]) -> list[tuple[str, NDArray[np.complex128]]]:
@@ -351,8 +179,8 @@ def bifurcation_figure(case: Case, measured: Mapping[str, tuple[ArrayLike, Array
     for (name, (controls, peaks)), marker in zip(sorted((measured or {}).items()), "osD^v", strict=False):
         axes.plot(controls, peaks, marker, ms=4, mfc="none", color=colours.get(name, BLACK), label=f"{name}, full problem")
     axes.axvline(case.threshold, color=GREY, lw=0.7, ls=":")
-    axes.annotate(rf"${symbol(case.module.CONTROL, 'c')}$", (case.threshold, 1), xycoords=("data", "axes fraction"), xytext=(0, 3), textcoords="offset points", ha="center", color=GREY)
-    axes.set_xlabel(rf"${symbol(case.module.CONTROL)}$")
+    axes.annotate(rf"${case.control_c}$", (case.threshold, 1), xycoords=("data", "axes fraction"), xytext=(0, 3), textcoords="offset points", ha="center", color=GREY)
+    axes.set_xlabel(rf"${case.control}$")
     axes.set_ylabel("amplitude $A$" if case.steady and not case.vector else rf"largest displacement of ${field_symbol(case)}$")
     axes.set_xlim(case.threshold - reach, case.threshold + reach)
     low, high = axes.get_ylim()
@@ -361,47 +189,7 @@ def bifurcation_figure(case: Case, measured: Mapping[str, tuple[ArrayLike, Array
     return figure
 
 
-def field_symbol(case: Case) -> str:
-    """Return the normalised field as mathtext."""
-    return bold(case.module.NORMALISED) if case.vector else symbol(case.module.NORMALISED)
-
-
-def bold(name: str) -> str:
-    """Return the name of a vector as mathtext."""
-    return rf"\mathbf{{{name}}}" if len(name) == 1 else symbol(name)
-
-
 # (4) transients
-
-
-def bounded(case: Case, initial: Sequence[complex], mu: float, until: float, largest: float) -> tuple[Motion, float]:
-    """Return the motion and the time to which |A| stays below `largest`; one that becomes infinite is followed until it is larger."""
-    end, known = until, 0.0
-    for _ in range(60):
-        try:
-            motion = case.move(initial, mu, end)
-        except EvaluationError:  # infinite before `end`: halve the gap to the last time that is reached
-            until, end = end, (known + end) / 2
-            continue
-        times = np.linspace(0, end, 400)
-        sizes = modulus(motion.amplitude(times), case.vector)
-        if sizes.max() > largest:
-            until = end = float(times[max(int(np.argmax(sizes > largest)) - 1, 0)]) or end / 400
-        elif until - end <= 1e-9 * until:
-            return motion, end
-        else:
-            known, end = end, (end + until) / 2
-    raise EvaluationError("figures: found no time over which the motion stays bounded")
-
-
-def modulus(amplitude: NDArray[np.complex128], vector: bool) -> NDArray[np.float64]:
-    """Return |A|."""
-    return np.sqrt((np.abs(amplitude) ** 2).sum(axis=-1)) if vector else np.abs(amplitude)
-
-
-def along(case: Case, size: complex) -> tuple[complex, ...]:
-    """Return an amplitude along e1."""
-    return (size, 0j) if case.vector else (size,)
 
 
 def transients_figure(case: Case) -> Figure:
@@ -429,7 +217,7 @@ def oscillating_transients(case: Case) -> Figure:
         if mu * case.planar.real < 0:
             for sign in (1, -1):
                 axes.axhline(sign * 2 * case.size, color=BLACK, ls="-.", lw=0.8, label="unstable state" if sub and sign > 0 else "periodic state" if sign > 0 else None)
-        axes.set_title(rf"${symbol(case.module.CONTROL)}-{symbol(case.module.CONTROL, 'c')} = {mu:g}$", loc="right", pad=3)
+        axes.set_title(rf"${case.control}-{case.control_c} = {mu:g}$", loc="right", pad=3)
         reach = 2.35 * case.size if not sub else 6.6 * case.size if until < end else 2.6 * case.size
         axes.set_ylim(-reach, reach)
         letter(axes, "abcd"[k])
@@ -463,9 +251,9 @@ def steady_transients(case: Case) -> Figure:
                 times = np.linspace(0, until, 400)
                 values = motion.amplitude(times)
                 axes.plot(times, values[..., 0].real if case.vector else values.real, color=BLUE if sign > 0 else RED, lw=1.1)
-        control = rf"{symbol(case.module.CONTROL)} {'>' if mu > 0 else '<'} {symbol(case.module.CONTROL, 'c')}"
+        control = rf"{case.control} {'>' if mu > 0 else '<'} {case.control_c}"
         axes.set_title(rf"${control}$")
-        axes.set_xlabel(rf"$|{symbol(case.module.CONTROL)}-{symbol(case.module.CONTROL, 'c')}|\,t$")
+        axes.set_xlabel(rf"$|{case.control}-{case.control_c}|\,t$")
         axes.set_xlim(0, end)
         axes.set_ylim(-2.4 * size if not case.vector else -0.1 * size, 2.4 * size)
         letter(axes, "ab"[k])
@@ -479,33 +267,6 @@ def steady_transients(case: Case) -> Figure:
 def approach_figure(case: Case) -> Figure:
     """Return how a general disturbance approaches a state: top views for a vector (label fig:nearplanar), else the phase portrait."""
     return top_views(case) if case.vector and not case.steady else portrait(case)
-
-
-def approach_scene(case: Case) -> tuple[tuple[complex, ...], float, Motion, float]:
-    """Return scaled initial amplitude, mu, motion and the time when the orbit has taken its final shape and size.
-
-    Raises
-    ------
-    EvaluationError
-        No state is stable, so that nothing is approached.
-    """
-    stable = [branch for branch in branches(case) if branch.stability == "stable" and branch.share > 0]
-    if not stable:
-        raise EvaluationError("figures: found no stable state above the threshold; nothing is approached")
-    mu, state = case.mu, stable[0]
-    scale = np.sqrt(mu)
-    start = (complex(nice(case.size / 3)), 1j * nice(case.size / 18))
-    if state.name == "beating":
-        start = (complex(nice(case.size / 3)), 0.7j * nice(case.size / 3))
-    long = 100 / (case.gamma.real * mu)
-    motion = case.move([one * scale for one in start], mu, long)
-    times = np.linspace(0, long, 40001)
-    orbit = ellipse_of(motion.amplitude(times))
-    shape = orbit.semi_minor / orbit.semi_major
-    done = np.abs(modulus(motion.amplitude(times), True) / np.sqrt(state.share * mu) - 1) < 0.03
-    done &= (shape > 0.97) if state.name == "whirling" else (shape < 0.03)
-    end = float(times[int(np.argmax(done))]) if done.any() else 12 / (case.gamma.real * mu)
-    return start, mu, motion, end
 
 
 def top_views(case: Case) -> Figure:
@@ -561,15 +322,6 @@ def trajectory(case: Case, motion: Motion, times: NDArray[np.float64]) -> NDArra
     return 2 * np.real(amplitude.T * turn)
 
 
-def fade(axes: Axes, path: NDArray[np.float64], colour: str) -> None:
-    """Draw a path that fades towards its beginning."""
-    points = path.T[:, None, :]
-    segments = np.concatenate([points[:-1], points[1:]], axis=1)
-    red, green, blue, _ = to_rgba(colour)
-    shades = [(red, green, blue, 0.08 + 0.92 * share) for share in np.linspace(0, 1, len(segments))]
-    axes.add_collection(LineCollection(list(segments), colors=shades, linewidths=0.8))
-
-
 def portrait(case: Case) -> Figure:
     """Return the phase portrait of the amplitude equation in scaled variables, for mu of the sign that has states and for the other."""
     figure = Figure(figsize=(6.3, 3.3), layout="constrained")
@@ -600,7 +352,7 @@ def portrait(case: Case) -> Figure:
             axes.set_xlim(-2.1 * size, 2.1 * size)
             axes.set_ylim(-2.1 * size, 2.1 * size)
             axes.set_xlabel(case.scaled_by("A_1" if case.vector else "A_r"))
-        axes.set_title(rf"${symbol(case.module.CONTROL)} {'>' if mu > 0 else '<'} {symbol(case.module.CONTROL, 'c')}$")
+        axes.set_title(rf"${case.control} {'>' if mu > 0 else '<'} {case.control_c}$")
         letter(axes, "ab"[k])
     if not (case.steady and not case.vector):
         panels[0].set_ylabel(case.scaled_by("A_2" if case.vector else "A_i"))
@@ -746,7 +498,7 @@ def spacetime_figure(case: Case) -> Figure:
     bar.set_label(rf"${symbol(case.module.NORMALISED)}-{symbol(case.module.NORMALISED)}_0$")
     axes.set_xlabel(r"$t$" if case.steady else r"$\omega t/2\pi$")
     axes.set_ylabel(r"$s$")
-    axes.set_title(rf"${symbol(case.module.CONTROL)}-{symbol(case.module.CONTROL, 'c')} = {mu:g}$")
+    axes.set_title(rf"${case.control}-{case.control_c} = {mu:g}$")
     return figure
 
 
@@ -776,10 +528,4 @@ def draw(case: Case, name: str, spectra: Spectra | None = None, measured: Mappin
         return FIGURES[name](case)
 
 
-def saved(figure: Figure, form: str) -> bytes:
-    """Return a figure as the bytes of an SVG, PNG or PDF file: the same at every run, without a date."""
-    memory = io.BytesIO()
-    every: dict[str, Any] = {"svg": {"Date": None, "Creator": "fredholm"}, "pdf": {"CreationDate": None, "Creator": "fredholm"}, "png": {"Software": "fredholm"}}
-    with styled():
-        figure.savefig(memory, format=form, metadata=every[form])
-    return memory.getvalue()
+__all__ = ["NAMES", "Spectra", "case_of", "draw", "saved"]

@@ -7,7 +7,7 @@ that is wrong by less than asked for is printed; a ball that cannot be told from
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -65,6 +65,12 @@ class Law:
     prefactor: str | None
     exponent: str
 
+    def text(self) -> str | None:
+        """Return the law as text, None where the next order decides."""
+        if self.decays is None:
+            return None
+        return f"|A| ~ {self.prefactor} t^({self.exponent})" if self.decays else f"|A| ~ {self.prefactor} (t* - t)^({self.exponent}), infinite at a finite t*"
+
     def as_dict(self) -> dict[str, Any]:
         """Return plain data."""
         return {"perturbation": self.perturbation, "decays": self.decays, "prefactor": self.prefactor, "exponent": self.exponent}
@@ -111,9 +117,7 @@ class StatesResult:
             for one in state.eigenvalues:
                 value = one.re if one.im == "0" else f"{one.re} {'-' if one.im.startswith('-') else '+'} {one.im.lstrip('-')}i"
                 lines.append(f"    {one.direction:21} {value}" + (f"  ({one.neutral})" if one.neutral else ""))
-        for law in self.at_threshold:
-            what = {True: f"|A| ~ {law.prefactor} t^({law.exponent})", False: f"|A| ~ {law.prefactor} (t* - t)^({law.exponent}), infinite at a finite t*", None: "undecided"}[law.decays]
-            lines.append(f"  at the threshold, {law.perturbation} perturbation: {what}")
+        lines += [f"  at the threshold, {law.perturbation} perturbation: {law.text() or 'undecided'}" for law in self.at_threshold]
         return "\n".join(lines)
 
     def __repr__(self) -> str:
@@ -156,10 +160,7 @@ def evaluate_states(emitted: str | Path | Mapping[str, Any], states: str, mu: st
     if isinstance(digits, bool) or not isinstance(digits, int) or not 1 <= digits <= MOST_DIGITS:
         raise EvaluationError(f"digits: found {digits!r}; expected an integer from 1 to {MOST_DIGITS}")
     distance = exact_number(mu if isinstance(mu, str) else str(mu) if type(mu) is int else repr((mu,)))  # a float is no exact number
-    if "Emitted by `fredholm states`" not in states.split("\n", 1)[0]:
-        raise EvaluationError("found a text that `States.emit` did not return; expected its text")
-    module: dict[str, Any] = {"__name__": "emitted_states"}
-    exec(compile(states, "<emitted states>", "exec"), module)  # noqa: S102  (the emitted module is our own text)
+    module = module_of(states)
     for guard in GUARDS:
         result = evaluate(emitted, digits=digits + guard)
         with working_precision(bits_of(digits + guard) + 64):
@@ -169,6 +170,21 @@ def evaluate_states(emitted: str | Path | Mapping[str, Any], states: str, mu: st
             except Undecided as reason:
                 said = str(reason)
     raise EvaluationError(f"{result.problem}: {digits} digits of the states are not reached: {said}; ask for fewer digits")
+
+
+def module_of(states: str) -> dict[str, Any]:
+    """Return the names of the text that `States.emit` returns."""
+    if "Emitted by `fredholm states`" not in states.split("\n", 1)[0]:
+        raise EvaluationError("found a text that `States.emit` did not return; expected its text")
+    module: dict[str, Any] = {"__name__": "emitted_states"}
+    exec(compile(states, "<emitted states>", "exec"), module)
+    return module
+
+
+def analysis_of(module: Mapping[str, Any], monomials: Collection[str]) -> tuple[Sequence[tuple[str, Callable[..., Any]]], Callable[..., Any]]:
+    """Return ((state, its function), ...) and the function of the laws at the threshold, of the amplitude equation with these monomials."""
+    functions, laws = next((functions, laws) for listed, functions, laws in module["ANALYSES"] if set(listed) == set(monomials))
+    return functions, laws
 
 
 class Undecided(Exception):
@@ -251,7 +267,7 @@ def numbers_of(module: Mapping[str, Any], result: Result, text: str, distance: F
     weak = [monomial for monomial in listed if monomial.startswith("epsilon")]
     warnings = [*result.warnings, *([f"the weak effects {', '.join(weak)} are left out: these are the states at epsilon = 0"] if weak else [])]
     nominal = {monomial: value for monomial, value in listed.items() if monomial not in weak}
-    functions, law_of = next((functions, laws) for monomials, functions, laws in module["ANALYSES"] if set(monomials) == set(nominal))
+    functions, law_of = analysis_of(module, nominal)
     setting = Setting(coefficients=nominal, mu=arb(fmpq(distance.numerator, distance.denominator)), reckoning=reckoning)
     laws, criticality = threshold_laws(law_of(nominal), setting, warnings)
     states = tuple(state_of(name, function(nominal, setting.mu), setting, laws[-1].decays, warnings) for name, function in functions)

@@ -13,15 +13,19 @@ from conftest import PROBLEMS, ROOT, derivation_of
 
 from derive.cli import main
 from derive.spectrum import spectrum_curves
+from derive.states import derive_states
 from numerics import EvaluationError
 from numerics.animation import animation_of, fragment_of, page_of
-from numerics.figures import NAMES, Spectra, bounded, branches, case_of, draw, joined, saved, symbol
+from numerics.case import bounded, branches, case_of
+from numerics.drawing import saved, symbol
+from numerics.figures import NAMES, Spectra, draw, joined
 
 
 @cache
 def case(target):
     generated = ROOT / "generated" / f"{target}.py"
-    return case_of(generated.read_text(encoding="utf-8") if generated.is_file() else derivation_of(target).emit())
+    derivation = derivation_of(target)
+    return case_of(generated.read_text(encoding="utf-8") if generated.is_file() else derivation.emit(), derive_states(derivation).emit())
 
 
 def figures(*arguments):

@@ -11,6 +11,8 @@ from conftest import PROBLEMS
 
 from derive.cli import main
 from derive.mathml import broken, cells, display, math, width
+from derive.problem import load_problem
+from derive.report import Settings, reproduce
 
 SECTIONS = ("statement", "symbols", "orders", "adjoint", "solvability", "amplitude", "coefficients", "comparison", "states", "figures", "animation", "speed", "validation", "confirmation", "emitted")
 VOID = frozenset("meta link br wbr input img hr".split())
@@ -113,6 +115,16 @@ def test_a_folder_that_cannot_be_written_is_one_line(tmp_path):
     (tmp_path / "file").write_text("")
     done = CliRunner().invoke(main, ["reproduce", "van_der_pol", "--quick", "--out", str(tmp_path / "file" / "out")])
     assert done.exit_code == 2 and done.stdout == "" and len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize("quick", [True, False])
+def test_the_stages_are_run_in_the_order_in_which_they_are_announced(tmp_path, monkeypatch, quick):
+    monkeypatch.setattr("derive.report.DRAWINGS", ("growth",))
+    for name in ("full_points_of", "speed_of", "validation_of"):
+        monkeypatch.setattr(f"derive.report.{name}", lambda *arguments: None)
+    settings, announced = Settings(digits=12, quick=quick), []
+    reproduce(load_problem("van_der_pol"), tmp_path, settings, announced.append, lambda line: None)
+    assert tuple(announced) == settings.stages
 
 
 def test_a_mistake_in_the_digits_is_told_once(tmp_path):
