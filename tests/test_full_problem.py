@@ -13,7 +13,7 @@ CASES = [
     # problem, amplitude, nodes, relative tolerance
     ("implicit", 0.01, 1, 2e-3), ("pendulum_cart", 0.03, 1, 1e-5), ("lorenz_pitch", 0.05, 1, 1e-9), ("chafee", 0.1, 16, 1e-5), ("varcoef", 0.05, 18, 1e-5),
     ("basedep", 0.05, 18, 1e-5), ("brus_pde", 0.01, 18, 1e-4), ("beck", 0.003, 20, 1e-3), ("tipmass", 0.001, 16, 3e-3), ("elastica", 0.1, 16, 1e-5),
-    pytest.param("fhn_nodiff", 0.05, 16, 1e-4, marks=pytest.mark.slow), ("aux", 0.05, 16, 1e-6), ("isotropic_vdp", 0.05, 1, 1e-5), ("ks", 0.2, 16, 1e-4),
+    pytest.param("fhn_nodiff", 0.05, 16, 1e-4, marks=pytest.mark.slow), ("auxiliary", 0.05, 16, 1e-6), ("isotropic_vdp", 0.05, 1, 1e-5), ("ks", 0.2, 16, 1e-4),
 ]
 
 

@@ -21,7 +21,7 @@ from numerics.coefficients import Module
 from numerics.precision import EvaluationError, NotClosed, working_precision
 
 DIGITS = 20
-QUICK = ("chafee", "robin", "elastica", "tipmass", "pipe", "fisher", "brusselator_ode", "lorenz_hopf", "scaled_large", "scaled_small", "weak_scalar", "aux")
+QUICK = ("chafee", "robin", "elastica", "tipmass", "pipe", "fisher", "brusselator_ode", "lorenz_hopf", "scaled_large", "scaled_small", "weak_scalar", "auxiliary")
 SLOW = ("cont_ctrl", "ff_weak", "ff_inertia", "snap", "varcoef", "heat_delay", "brus_neumann", "ff_gravity", "sixth", "buckle3d", "basedep", "ks")
 
 
