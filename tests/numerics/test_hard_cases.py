@@ -231,7 +231,7 @@ def test_a_narrow_bump_of_a_coefficient_is_not_stepped_over(width):
     assert abs(complex(result["mu*A"].value) - float(pi**2) / first) < 60 * float(width) ** 2
     if width == Rational(1, 100):
         assert abs(float(evaluate_batch(text).control) - float(result.threshold.control)) < 1e-11
-    else:
+    elif width == Rational(1, 100000):
         with pytest.raises(EvaluationError, match="double precision does not resolve"):
             evaluate_batch(text)
 
