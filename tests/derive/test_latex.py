@@ -267,7 +267,7 @@ def test_symbols_can_be_set():
 def test_terms_of_every_order_are_those_of_a_series():
     """x = sum e^k x_k, d_t = d_tau + e^2 d_T, c = c0 + e^2 chi, epsilon = e^2: powers of e of the whole equation, multiplied out by SymPy's series."""
     c, e, chi, x = Symbol("c", real=True), Symbol("e"), Symbol("chi"), field("x", t)
-    problem = Problem(name="orders", time=t, control=c, control_range=(-1, 1), fields=(x,), base_state={x: 0}, normalisation=(x, None),
+    problem = Problem(name="orders", time=t, control=c, control_range=(-Rational(1, 2), 1), fields=(x,), base_state={x: 0}, normalisation=(x, None),
                       equations=(x.diff(t, 2) - (c + c**2) * x.diff(t) + x * exp(c) + epsilon * x.diff(t, 2) * x + x.diff(t, 2) ** 2 * x + x**4 / 5 + sin(c) * x**2,))
     formulation = derive_amplitude_equation(problem).problem.formulation
     (equation,) = equations_of(formulation)
