@@ -16,7 +16,7 @@ from numerics.full_rows import Array, Rows, State
 
 CONSTRAINT = 1e-10
 LONGEST, SHORTEST = 3.0, 0.1  # change of the step from one to the next
-RUNGS = (12, 16, 20, 24)  # nodes of the grids on which a start is made to meet the rows
+RUNGS = (16, 32)  # nodes of the grids on which a start is made to meet the rows
 LEAST_STEP = 1e-12  # of the whole time
 
 
@@ -68,20 +68,21 @@ def packed(system: System, start: tuple[State, State]) -> Instant:
 
 
 def plus(one: State, other: State) -> State:
-    """Return the sum of two shapes at the resolution of the first, the finer one."""
+    """Return the sum of two shapes."""
     coefficients = []
     for a, b in zip(one.coefficients, other.coefficients, strict=True):
-        total = a.copy()
-        total[:len(b)] += b[:len(a)]
+        total = np.zeros((max(len(a), len(b)), 1))
+        total[:len(a)] += a
+        total[:len(b)] += b
         coefficients.append(total)
-    return replace(one, coefficients=tuple(coefficients))
+    return replace(one, coefficients=tuple(coefficients), nodes=max(one.nodes, other.nodes))
 
 
-def smooth_start(rows: Rows, control: float, start: tuple[State, State], nodes: int, short: float) -> tuple[State, State]:
-    """Return a shape that meets the rows on grids coarser than `nodes`: what it lacks is added from the coarsest grid on, so that it stays smooth."""
+def smooth_start(rows: Rows, control: float, start: tuple[State, State], short: float) -> tuple[State, State]:
+    """Return a shape that meets the rows: what it lacks is added on the coarsest grid that resolves it, so that it stays smooth and does not depend on the nodes of a run."""
     shape, rate = start
-    for coarse in [one for one in RUNGS if one < nodes and rows.spatial]:
-        system = System(rows, control, coarse)
+    for nodes in RUNGS if rows.spatial else ():
+        system = System(rows, control, nodes)
         given = packed(system, (shape, rate))
         found = consistent(Stepper(system=system), given, short)
         shape = plus(shape, system.unpack(found.y - given.y))
@@ -150,7 +151,6 @@ def simulate_full(system: System, start: tuple[State, State], times: Array, plan
         A step fails, or (`Coarse`) a constraint is not kept to 1e-10; the message gives the time.
     """
     stepper, control, last = Stepper(system=system), Control(system, plan), None
-    start = smooth_start(system.rows, system.control, start, system.grid.nodes, plan.short)
     now = consistent(stepper, packed(system, start), plan.short)
     record, track, worst = [now], [], checked(system, now, times[0])
     for begin, end in zip(times, times[1:], strict=False):

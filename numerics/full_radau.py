@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import legendre
+from scipy.linalg import solve_triangular
 
 from numerics.full_newton import NotConverged
 from numerics.full_orbit import Space, radau
@@ -26,7 +27,7 @@ KNOTS = np.concatenate([[0.0], C])  # a step's start and its stages
 TAIL = np.linalg.inv(legendre.legvander(2 * KNOTS - 1, STAGES))[-2:]  # the last two Legendre coefficients of the polynomial through them
 ITERATIONS = 25
 CONVERGED = 1e-13
-SLOW, MANY, FACTORS = 0.25, 7, 3  # contraction and iterations from which a new factor costs less; most factors in a step
+SLOW, MANY, FACTORS = 0.4, 7, 3  # contraction and iterations from which a new factor costs less; most factors in a step
 
 
 class Failed(NotConverged):
@@ -56,9 +57,10 @@ class System:
         self.rows, self.control, self.order = rows, control, rows.order
         self.space = Space(rows, Motion(kind="steady"), (Group(members=tuple(range(rows.count))),), nodes)
         self.grid, self.moving, self.size = self.space.grid, self.space.moving, self.space.size
-        self.stacked = {site: np.concatenate([self.space.maps[site, order] for order in range(self.order + 1)], axis=2) for site in self.grid.sites}
         self.base = {site: rows.base(self.grid.points(site), control)[0][:, :, None] for site in self.grid.sites}
         self.kept = {site: self.grid.kept(site) for site in self.grid.sites}
+        self.used = {site: sorted({j for r in kept for j in rows.names["USES"][site][r]}) for site, kept in self.kept.items()}
+        self.stacked = {site: np.concatenate([self.space.maps[site, order][:, used] for order in range(self.order + 1)], axis=2) for site, used in self.used.items()}
         self.height = max(float(np.abs(one).max()) for one in self.base.values())
 
     def pack(self, state: State) -> Array:
@@ -70,10 +72,11 @@ class System:
         return self.grid.unpack(self.space.turn @ y, self.control, 0.0)
 
     def jets(self, site: str, values: Sequence[Array]) -> Array:
-        """Return the jets at some instants, (points, jets, instants), from coefficients and their derivatives in time."""
-        stacked = self.stacked[site]
-        deviation = stacked.reshape(-1, stacked.shape[2]) @ np.concatenate(values)
-        return self.base[site] + deviation.reshape(*stacked.shape[:2], -1)
+        """Return the jets at some instants, (points, jets, instants), from coefficients and their derivatives in time; those that only rows met already hold are at rest."""
+        stacked, base = self.stacked[site], self.base[site]
+        jets = np.repeat(base, values[0].shape[1], axis=2)
+        jets[:, self.used[site]] += (stacked.reshape(-1, stacked.shape[2]) @ np.concatenate(values)).reshape(*stacked.shape[:2], jets.shape[2])
+        return jets
 
     def residual(self, values: Sequence[Array]) -> Array:
         """Return all rows that are not met already, one column an instant."""
@@ -93,7 +96,7 @@ class System:
         table = []
         for site in self.grid.sites:
             slopes = self.rows.evaluate(site, self.grid.points(site), self.control, self.jets(site, values))[2]
-            table.append(slopes[:, self.kept[site], 0] @ self.stacked[site])
+            table.append(slopes[:, self.kept[site], 0][:, :, self.used[site]] @ self.stacked[site])
         return table
 
     def jacobian(self, values: Sequence[Array], rate: float) -> tuple[list[Array], Array]:
@@ -173,7 +176,7 @@ def factor(system: System, values: Sequence[Array], step: float) -> Factor:
     diagonal = np.abs(np.diag(triangle[:count]))
     if count and not diagonal.min() > 1e-13 * diagonal.max():
         raise NotConverged("found unknowns without time derivative that the rows at an instant do not determine")
-    top = np.linalg.solve(triangle[:count], q[:, :count].T)
+    top = solve_triangular(triangle[:count], q[:, :count].T, check_finite=False)
     rest = q[:, count:].T
     parts = [rest @ one for one in J]
     inverses = []
@@ -183,7 +186,7 @@ def factor(system: System, values: Sequence[Array], step: float) -> Factor:
         diagonal = np.abs(np.diag(triangle))
         if not diagonal.min() > 1e-15 * diagonal.max():
             raise Failed("found a singular linearisation: fewer independent rows than unknowns")
-        inverses.append(np.linalg.solve(triangle, q_u.conj().T))
+        inverses.append(solve_triangular(triangle, q_u.conj().T, check_finite=False))
     return Factor(rows=rest * scale, inverses=tuple(inverses), slaved=top * scale, follow=tuple(top @ one for one in J))
 
 
@@ -272,7 +275,7 @@ class Stepper:
             size = float(np.abs(change[:m]).max(initial=0.0)) / largest
             if not np.isfinite(size) or size > 1e3:
                 break
-            if size < CONVERGED or (size < 1e-9 and size > 0.5 * before):
+            if size < CONVERGED or (size < 1e-9 and size > 0.5 * before and made):
                 self.largest = largest
                 if count > MANY:
                     self.kept = None

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from numerics.coefficients import Module, Result
-from numerics.full_motion import CONSTRAINT, Coarse, Plan, Record, simulate_full
+from numerics.full_motion import CONSTRAINT, Coarse, Plan, Record, simulate_full, smooth_start
 from numerics.full_newton import NotConverged
 from numerics.full_orders import components
 from numerics.full_radau import System
@@ -18,7 +18,7 @@ from numerics.motion import Scene, Shapes, check_scene, fast_phase, motion_of, s
 from numerics.precision import EvaluationError
 from numerics.simulation import Dataset, Sampling, Variable, field_variables, times_of
 
-LEAST_NODES, MOST_NODES = 32, 120
+NODES, LEAST_NODES, MOST_NODES = 32, 24, 120  # of the shape that an amplitude has, and of a run
 LEVELS = 5
 SHORT = 1e-4  # of a period: a start is brought onto the constraints within it
 FINER = 64.0  # change of the step error from one level to the next: half the step
@@ -54,7 +54,7 @@ def simulate_fields(text: str, emitted: str, result: Result, scene: Scene, sampl
     check_scene(Module(emitted), scene)
     full = Full(rows=Rows(text), result=result)
     shapes = shapes_of(emitted, result, scene.mu, sampling.order, sampling.places)
-    start = start_of(full, emitted, scene, sampling.order, LEAST_NODES if full.rows.spatial else 1)
+    start = start_of(full, emitted, scene, sampling.order, NODES if full.rows.spatial else 1)
     record, error, before = converged(full, scene.mu, start, times_of(scene.until, sampling), accuracy)
     return dataset(full, shapes, record, before, scene, (error, change_of_start(full, start, record)))
 
@@ -70,7 +70,7 @@ def converged(full: Full, mu: float, start: tuple[State, State], times: Array, a
     Parameters
     ----------
     start
-        Deviation from the base state and its rate, at no more nodes than `LEAST_NODES`, or more if those have been asked for.
+        Deviation from the base state and its rate.
 
     Raises
     ------
@@ -79,12 +79,14 @@ def converged(full: Full, mu: float, start: tuple[State, State], times: Array, a
     """
     period = period_of(full, float(times[-1]))
     short = SHORT * (period if full.hopf else min(1.0, period) / 10)
-    nodes, error, before = (max(LEAST_NODES, start[0].nodes) if full.rows.spatial else 1), np.inf, None
+    start = smooth_start(full.rows, full.threshold + mu, start, short)
+    nodes, error, before = (LEAST_NODES if full.rows.spatial else 1), np.inf, None
+    skip = 2 if len(times) > 2 and len(times) % 2 else 1  # the first level stops at every other time
     for level in range(LEVELS):
-        plan = Plan(tolerance=10 * accuracy.tolerance / FINER**level, pieces=2**level, longest=period / accuracy.steps / 2**level, first=period / 400, short=short)
+        plan = Plan(tolerance=10 * accuracy.tolerance / FINER**level, pieces=max(2**level // skip, 1), longest=period / accuracy.steps / 2**level, first=period / 400, short=short)
         while True:
             try:
-                record = simulate_full(System(full.rows, full.threshold + mu, nodes), start, times, plan)
+                record = simulate_full(System(full.rows, full.threshold + mu, nodes), start, times if level else times[::skip], plan)
                 break
             except Coarse as failure:
                 if not full.rows.spatial or nodes >= MOST_NODES:
@@ -99,8 +101,13 @@ def converged(full: Full, mu: float, start: tuple[State, State], times: Array, a
 
 
 def difference(one: Record, other: Record) -> float:
-    """Return the largest change of the normalised field at the wanted times, as a share of its largest value."""
-    return float(np.abs(one.displacement - other.displacement).max() / max(np.abs(other.displacement).max(), 1e-300))
+    """Return the largest change of the normalised field at the times of the first record, as a share of its largest value."""
+    return float(np.abs(one.displacement - other.displacement[shared(one, other)]).max() / max(np.abs(other.displacement).max(), 1e-300))
+
+
+def shared(one: Record, other: Record) -> slice:
+    """Return which times of the second record are those of the first."""
+    return slice(None, None, (len(other.times) - 1) // (len(one.times) - 1))
 
 
 def change_of_start(full: Full, start: tuple[State, State], record: Record) -> float:
@@ -223,7 +230,7 @@ def dataset(full: Full, shapes: Shapes, record: Record, before: Record, scene: S
         "amplitude": "exp(-i omega t) (d - i d'/omega)/2 of the deviation d of the normalised field, omega of the threshold" if full.hopf else "deviation of the normalised field",
         "method": "Radau IIA, order 9", "steps": record.costs.steps, "rejected": record.costs.rejected, "nodes": record.nodes,
         "error": error,  # of the normalised field, of its largest value: change by finer steps and more nodes
-        "field_errors": json.dumps({name: float(f"{np.abs(fields[name] - coarser[name]).max():.2e}") for name in fields}),  # absolute
+        "field_errors": json.dumps({name: float(f"{np.abs(fields[name][shared(before, record)] - coarser[name]).max():.2e}") for name in fields}),  # absolute
         "start_moved": moved,  # by the constraints, of the largest displacement
         "constraint": record.violation, "constraint_bound": CONSTRAINT,
     }
