@@ -11,7 +11,7 @@ from math import ceil
 import numpy as np
 
 from numerics.full_newton import NotConverged
-from numerics.full_radau import KNOTS, STAGES, TAIL, Costs, Failed, Instant, Step, Stepper, System
+from numerics.full_radau import CONVERGED, KNOTS, STAGES, TAIL, Costs, Failed, Instant, Step, Stepper, System
 from numerics.full_rows import Array, Rows, State
 
 CONSTRAINT = 1e-10
@@ -150,7 +150,7 @@ def simulate_full(system: System, start: tuple[State, State], times: Array, plan
     NotConverged
         A step fails, or (`Coarse`) a constraint is not kept to 1e-10; the message gives the time.
     """
-    stepper, control, last = Stepper(system=system), Control(system, plan), None
+    stepper, control, last = Stepper(system=system, converged=max(CONVERGED, min(1e-11, 1e-4 * plan.tolerance))), Control(system, plan), None
     now = consistent(stepper, packed(system, start), plan.short)
     record, track, worst = [now], [], checked(system, now, times[0])
     for begin, end in zip(times, times[1:], strict=False):

@@ -240,6 +240,7 @@ class Stepper:
     """Steps of any size; the factor is kept as long as it contracts well, whatever the step."""
 
     system: System
+    converged: float = CONVERGED  # size of a change, of the largest coefficient, that ends the iterations
     kept: Factor | None = None
     largest: float = 0.0  # of the coefficients so far
     costs: Costs = field(default_factory=Costs)
@@ -275,7 +276,7 @@ class Stepper:
             size = float(np.abs(change[:m]).max(initial=0.0)) / largest
             if not np.isfinite(size) or size > 1e3:
                 break
-            if size < CONVERGED or (size < 1e-9 and size > 0.5 * before and made):
+            if size < self.converged or (size < 1e-9 and size > 0.5 * before and made):
                 self.largest = largest
                 if count > MANY:
                     self.kept = None
