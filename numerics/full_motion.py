@@ -5,18 +5,17 @@ Steps follow the decay of the Legendre coefficients in time of what moves. A sta
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
 
 from numerics.full_newton import NotConverged
 from numerics.full_radau import CONVERGED, KNOTS, STAGES, TAIL, Costs, Failed, Instant, Step, Stepper, System
-from numerics.full_rows import Array, Rows, State
+from numerics.full_rows import Array, State
 
 CONSTRAINT = 1e-10
 LONGEST, SHORTEST = 3.0, 0.1  # change of the step from one to the next
-RUNGS = (16, 32)  # nodes of the grids on which a start is made to meet the rows
 LEAST_STEP = 1e-12  # of the whole time
 
 
@@ -65,28 +64,6 @@ def packed(system: System, start: tuple[State, State]) -> Instant:
     """Return a shape and its rate as coefficients."""
     y, rate = (system.pack(one) for one in start)
     return Instant(y=y, rate=rate[:system.moving], second=np.zeros(system.moving))
-
-
-def plus(one: State, other: State) -> State:
-    """Return the sum of two shapes."""
-    coefficients = []
-    for a, b in zip(one.coefficients, other.coefficients, strict=True):
-        total = np.zeros((max(len(a), len(b)), 1))
-        total[:len(a)] += a
-        total[:len(b)] += b
-        coefficients.append(total)
-    return replace(one, coefficients=tuple(coefficients), nodes=max(one.nodes, other.nodes))
-
-
-def smooth_start(rows: Rows, control: float, start: tuple[State, State], short: float) -> tuple[State, State]:
-    """Return a shape that meets the rows: what it lacks is added on the coarsest grid that resolves it, so that it stays smooth and does not depend on the nodes of a run."""
-    shape, rate = start
-    for nodes in RUNGS if rows.spatial else ():
-        system = System(rows, control, nodes)
-        given = packed(system, (shape, rate))
-        found = consistent(Stepper(system=system), given, short)
-        shape = plus(shape, system.unpack(found.y - given.y))
-    return shape, rate
 
 
 def consistent(stepper: Stepper, given: Instant, short: float) -> Instant:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from numerics.coefficients import Module, Result
-from numerics.full_motion import CONSTRAINT, Coarse, Plan, Record, simulate_full, smooth_start
+from numerics.full_motion import CONSTRAINT, Coarse, Plan, Record, simulate_full
 from numerics.full_newton import NotConverged
 from numerics.full_orders import components
 from numerics.full_radau import System
@@ -18,7 +18,7 @@ from numerics.motion import Scene, Shapes, check_scene, fast_phase, motion_of, s
 from numerics.precision import EvaluationError
 from numerics.simulation import Dataset, Sampling, Variable, field_variables, times_of
 
-NODES, LEAST_NODES, MOST_NODES = 32, 24, 120  # of the shape that an amplitude has, and of a run
+NODES, LEAST_NODES, MOST_NODES = 32, 28, 120  # of the shape that an amplitude has, and of a run
 LEVELS = 5
 SHORT = 1e-4  # of a period: a start is brought onto the constraints within it
 FINER = 64.0  # change of the step error from one level to the next: half the step
@@ -79,7 +79,6 @@ def converged(full: Full, mu: float, start: tuple[State, State], times: Array, a
     """
     period = period_of(full, float(times[-1]))
     short = SHORT * (period if full.hopf else min(1.0, period) / 10)
-    start = smooth_start(full.rows, full.threshold + mu, start, short)
     nodes, error, before = (LEAST_NODES if full.rows.spatial else 1), np.inf, None
     skip = 2 if len(times) > 2 and len(times) % 2 else 1  # the first level stops at every other time
     for level in range(LEVELS):
