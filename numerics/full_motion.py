@@ -16,7 +16,7 @@ from numerics.full_rows import Array, State
 
 CONSTRAINT = 1e-10
 LONGEST, SHORTEST = 3.0, 0.1  # change of the step from one to the next
-LEAST_STEP = 1e-12  # of the whole time
+LEAST_STEP, MOST_STEPS = 1e-12, 100  # of the whole time; in each longest step
 
 
 class Coarse(NotConverged):
@@ -67,25 +67,27 @@ def packed(system: System, start: tuple[State, State]) -> Instant:
 
 
 def consistent(stepper: Stepper, given: Instant, short: float) -> Instant:
-    """Return the start that meets the rows, at the same time: two steps forwards, too short for any motion, and one back over both.
+    """Return the start that meets the rows, at the same time: a step forwards, too short for any motion, and one back.
 
-    The first brings the shape onto the constraints, along the forces that keep them; the second frees velocities and slaved unknowns of that jump.
+    The first brings the shape onto the constraints, along the forces that keep them; the second starts there and frees all else of that jump. It needs the
+    velocity at its own start, where second derivatives occur: the one from which it ends with the given velocity, up to what the constraints take away.
 
     Raises
     ------
     NotConverged
         The rows cannot be met near the shape.
     """
-    m = stepper.system.moving
-    now = given
     try:
-        for size in (short, short, -2 * short):
-            made = stepper.solve(now, size, np.repeat(now.y[:, None], STAGES, axis=1))
-            now = made.end() if size != short or now is not given else Instant(y=made.Y[:, -1], rate=given.rate, second=given.second)
+        there = stepper.solve(given, short, np.repeat(given.y[:, None], STAGES, axis=1)).end()
+        rate = given.rate
+        for _ in range(1 if stepper.system.order == 1 else 4):
             stepper.kept = None
+            found = stepper.solve(Instant(y=there.y, rate=rate, second=there.second), -short, np.repeat(there.y[:, None], STAGES, axis=1)).end()
+            rate = rate + given.rate - found.rate
     except NotConverged as failure:
         raise NotConverged(f"at time 0: the initial shape cannot be brought to meet the constraints: {failure}; expected a shape nearer to them, such as a smaller amplitude") from failure
-    return Instant(y=now.y, rate=now.rate[:m], second=now.second[:m])
+    stepper.kept = None
+    return found
 
 
 class Control:
@@ -129,6 +131,7 @@ def simulate_full(system: System, start: tuple[State, State], times: Array, plan
     """
     stepper, control, last = Stepper(system=system, converged=max(CONVERGED, min(1e-11, 1e-4 * plan.tolerance))), Control(system, plan), None
     now = consistent(stepper, packed(system, start), plan.short)
+    most = MOST_STEPS * (5 + len(times) + (times[-1] - times[0]) / plan.longest)
     record, track, worst = [now], [], checked(system, now, times[0])
     for begin, end in zip(times, times[1:], strict=False):
         time = begin
@@ -140,13 +143,14 @@ def simulate_full(system: System, start: tuple[State, State], times: Array, plan
                 error = control.error(made)
                 stepper.costs.steps += 1
                 control.adapt(step, error)
-                if error > 4 * plan.tolerance:
+                if error > 4 * plan.tolerance or stepper.costs.steps > most:
                     raise Failed(f"a step of {step:.3g} in time has an error of {error:.1e}")
             except Failed as failure:
                 stepper.costs.rejected += 1
                 control.wanted = min(control.wanted, step / 2)
-                if step < LEAST_STEP * times[-1]:
-                    raise NotConverged(f"at time {time:.6g}: {failure}; expected a motion that stays smooth: ask for a shorter time or a smaller initial amplitude") from failure
+                if step < LEAST_STEP * times[-1] or stepper.costs.steps > most:
+                    raise NotConverged(f"at time {time:.6g}: after {stepper.costs.steps} steps {failure}; expected a motion that stays smooth: "
+                                       "ask for a larger tolerance, a shorter time or a smaller initial amplitude") from failure
                 last = None if last is None or step < last.size / 1000 else last
                 continue
             track.append(readings(system, made, time))

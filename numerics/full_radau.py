@@ -280,7 +280,8 @@ class Stepper:
                 self.largest = largest
                 if count > MANY:
                     self.kept = None
-                return Step(start=u, size=step, Y=Y, V=(V := self.derivatives(Y, u, w, step))[0], L=V[1])
+                V, L = self.derivatives(Y, u, w, step)
+                return Step(start=u, size=step, Y=Y, V=V, L=L)
             if size > SLOW * before and made < FACTORS:
                 self.kept, size = None, np.inf
             elif size > 0.9 * before:

@@ -19,7 +19,8 @@ from numerics.precision import EvaluationError
 from numerics.simulation import Dataset, Sampling, Variable, field_variables, times_of
 
 NODES, LEAST_NODES, MOST_NODES = 32, 28, 120  # of the shape that an amplitude has, and of a run
-LEVELS = 5
+LEVELS = 4
+LEAST_ERROR = 1e-13  # of a step, above rounding
 SHORT = 1e-4  # of a period: a start is brought onto the constraints within it
 FINER = 64.0  # change of the step error from one level to the next: half the step
 
@@ -82,7 +83,7 @@ def converged(full: Full, mu: float, start: tuple[State, State], times: Array, a
     nodes, error, before = (LEAST_NODES if full.rows.spatial else 1), np.inf, None
     skip = 2 if len(times) > 2 and len(times) % 2 else 1  # the first level stops at every other time
     for level in range(LEVELS):
-        plan = Plan(tolerance=10 * accuracy.tolerance / FINER**level, pieces=max(2**level // skip, 1), longest=period / accuracy.steps / 2**level, first=period / 400, short=short)
+        plan = Plan(tolerance=max(10 * accuracy.tolerance / FINER**level, LEAST_ERROR), pieces=max(2**level // skip, 1), longest=period / accuracy.steps / 2**level, first=period / 400, short=short)
         while True:
             try:
                 record = simulate_full(System(full.rows, full.threshold + mu, nodes), start, times if level else times[::skip], plan)
