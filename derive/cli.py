@@ -347,8 +347,8 @@ def full(target: str, state: str, mu: float | None, mu_range: tuple[float, float
 @click.option("--spacing", default="linear", show_default=True, type=click.Choice(["linear", "log"]), help="Spacing of the times.")
 @click.option("--format", "form", default=None, type=click.Choice(["npz", "nc"]), help="NPZ, or NetCDF.")
 @click.option("--full", "as_full", is_flag=True, help="Integrate the full nonlinear problem itself, from the shape that the amplitude has to that order.")
-@click.option("--steps", default=24, show_default=True, type=click.IntRange(4, 100_000), help="With --full: fewest time steps in a period of the threshold (in the unit of time when steady).")
-@click.option("--tolerance", default=1e-6, show_default=True, type=float, help="With --full: steps are halved until they change the normalised field by less than this share of its largest value.")
+@click.option("--steps", default=6, show_default=True, type=click.IntRange(1, 100_000), help="With --full: fewest time steps in a period of the threshold (in the whole time when steady).")
+@click.option("--tolerance", default=1e-6, show_default=True, type=float, help="With --full: error of the normalised field, as a share of its largest value: change by half the steps and more nodes.")
 def simulate(target: str, initial: str, mu: float, until: float, out: str, order: str, points: int, places: int, spacing: str, form: str | None, as_full: bool, steps: int,
              tolerance: float) -> None:
     """Integrate the amplitude equation, or with --full the full problem, and write the fields along the motion.
@@ -357,7 +357,7 @@ def simulate(target: str, initial: str, mu: float, until: float, out: str, order
     the peak of the normalised field (for a steady bifurcation u = base + A phi, A real). The paper's scaled amplitude and slow time are A/epsilon^(1/2) and
     epsilon t with mu = epsilon chi. Weak effects are left out (epsilon = 0).
     """
-    from derive.files import write_bytes
+    from derive.files import check_writable, write_bytes
     from numerics.motion import Scene
     from numerics.simulation import FORMATS, Sampling, parse_amplitude
     from numerics.simulation import simulate as run
@@ -366,6 +366,7 @@ def simulate(target: str, initial: str, mu: float, until: float, out: str, order
     form = form or path.suffix.removeprefix(".")
     if form not in FORMATS:
         raise click.UsageError(f"--out: found {path.name!r}; expected a name that ends in .npz or .nc, or --format")
+    check_writable(path)
     scene = Scene(initial=parse_amplitude(initial), mu=mu, until=until)
     sampling = Sampling(times=points, places=places, logarithmic=spacing == "log", order=order)
     if as_full:
@@ -389,14 +390,15 @@ def simulate(target: str, initial: str, mu: float, until: float, out: str, order
 @click.option("--only", default=None, help="One figure: growth, mode, bifurcation, transients, approach, decay, spacetime or animation.")
 def figures(target: str, out: str | None, form: str, only: str | None) -> None:
     """Draw the figures of a problem: what does not apply to it is left out, and said."""
-    from derive.files import write_bytes
+    from derive.files import check_writable, write_bytes
     from numerics.figures import NAMES
 
     if only is not None and only not in NAMES:
         raise click.UsageError(f"--only: found {only!r}; expected one of {', '.join(NAMES)}")
     derivation = derived(target)
     folder = Path(out) if out else Path(f"{derivation.problem.name}-figures")
-    for name, content in drawn(derivation, form, (only,) if only else NAMES, only is not None):
+    check_writable(folder / "figure")
+    for name, content in list(drawn(derivation, form, (only,) if only else NAMES, only is not None)):  # all are made before one is written
         write_bytes(folder / name, content)
         click.echo(folder / name)
 

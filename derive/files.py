@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 from pathlib import Path
+
+
+def check_writable(path: Path) -> None:
+    """Say before long work what would keep a file from being written after it; nothing is made."""
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, "found a folder where a file was expected", str(path))
+    folder = next(parent for parent in path.absolute().parents if parent.exists())
+    if not folder.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, "found a file where a folder was expected", str(folder))
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
 
 
 def write_bytes(path: Path, content: bytes) -> None:

@@ -171,36 +171,43 @@ def amplitude_of(full: Full, record: Record) -> Array:
 
 
 def ellipses(record: Record, period: float) -> dict[str, Array]:
-    """Return the ellipse about each time: largest and smallest displacement within a period, direction of the largest, and sense.
+    """Return the ellipse about each time: largest and smallest displacement, direction of the largest, and sense.
 
-    The displacement between the stages of a step is that of cubic Hermite interpolation of its square.
+    Between two turning points of the displacement no further apart than a period the semi-axes are interpolated; elsewhere (a circle has none) they are the
+    largest and the smallest displacement within a period. Between the stages of a step the square of the displacement is that of cubic Hermite interpolation.
     """
     count = record.displacement.shape[1]
     track = np.vstack([np.concatenate([record.times[:1], record.displacement[0], record.velocity[0]]), record.track])
     times, d, v = track[:, 0], track[:, 1:1 + count], track[:, 1 + count:]
-    square, slope = np.sum(d**2, axis=1), 2 * np.sum(d * v, axis=1)
-    gap = np.diff(times)
+    square, slope, gap = np.sum(d**2, axis=1), 2 * np.sum(d * v, axis=1), np.diff(track[:, 0])
     turns = np.flatnonzero(slope[:-1] * slope[1:] < 0)
     share = slope[turns] / (slope[turns] - slope[turns + 1])
     a, b, h = square[turns], square[turns + 1], gap[turns]
     cubic = a + share**2 * (3 - 2 * share) * (b - a) + h * share * (1 - share) * ((1 - share) * slope[turns] - share * slope[turns + 1])
-    order = np.argsort(np.concatenate([times, times[turns] + share * h]), kind="stable")
-    every = np.concatenate([times, times[turns] + share * h])[order]
-    squares = np.maximum(np.concatenate([square, cubic]), 0.0)[order]
-    directions = np.concatenate([d, d[turns] + share[:, None] * (d[turns + 1] - d[turns])])[order]
+    turning, extreme, top = times[turns] + share * h, np.sqrt(np.maximum(cubic, 0.0)), slope[turns] > 0
     swept = np.concatenate([[0.0], np.cumsum(gap * (cross(d, v)[1:] + cross(d, v)[:-1]) / 2)])
     found: dict[str, list[float]] = {"semi_major": [], "semi_minor": [], "orientation": [], "sense": []}
     for time in record.times:
         begin = max(min(time - period / 2, times[-1] - period), times[0])
-        first, last = np.searchsorted(every, [begin, begin + period * (1 + 1e-12)])
-        window = squares[first:max(last, first + 1)]
-        largest = first + int(np.argmax(window))
-        area = np.interp(begin + period, times, swept) - np.interp(begin, times, swept)
-        line = abs(area) <= 1e-12 * period * np.max(window) * 2 * np.pi / period
-        for name, value in (("semi_major", np.sqrt(squares[largest])), ("semi_minor", 0.0 if line else np.sqrt(window.min())),
-                            ("orientation", np.mod(np.arctan2(directions[largest, 1], directions[largest, 0]), np.pi)), ("sense", 0.0 if line else np.sign(area))):
+        end = begin + period * (1 + 1e-12)
+        first, last = np.searchsorted(times, [begin, end])
+        largest = min(first, len(times) - 1) + int(np.argmax(square[first:last])) if last > first else min(first, len(times) - 1)
+        sizes = np.concatenate([np.sqrt(square[first:max(last, largest + 1)]), extreme[slice(*np.searchsorted(turning, [begin, end]))]])
+        area = np.interp(end, times, swept) - np.interp(begin, times, swept)
+        line = abs(area) <= 1e-12 * 2 * np.pi * square[largest]
+        major, minor = between(turning[top], extreme[top], time, period, sizes.max()), between(turning[~top], extreme[~top], time, period, sizes.min())
+        for name, value in (("semi_major", major), ("semi_minor", 0.0 if line else min(major, minor)),
+                            ("orientation", np.mod(np.arctan2(d[largest, 1], d[largest, 0]), np.pi)), ("sense", 0.0 if line else np.sign(area))):
             found[name].append(float(value))
     return {name: np.array(values) for name, values in found.items()}
+
+
+def between(times: Array, values: Array, time: float, longest: float, otherwise: float) -> float:
+    """Return a value by linear interpolation between two times no further apart than the longest, else the other one."""
+    k = int(np.searchsorted(times, time))
+    if not 0 < k < len(times) or times[k] - times[k - 1] > longest:
+        return otherwise
+    return float(np.interp(time, times[k - 1:k + 1], values[k - 1:k + 1]))
 
 
 def cross(one: Array, other: Array) -> Array:

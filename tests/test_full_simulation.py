@@ -186,7 +186,7 @@ def test_a_nearly_planar_start_becomes_circular_whirling():
     data = simulated("follower_force", (0.03 + 0j, 0.005j), 0.5, 2.5, 1e-5, Sampling(times=101, places=5))
     found = solve_state(emit_residual(load_problem("follower_force")), result_of("follower_force"), "whirling", 0.5, 1e-10)
     ratio = data["ellipse_semi_minor"] / data["ellipse_semi_major"]
-    assert ratio[0] < 0.2 and np.all(np.diff(ratio) > -1e-6) and ratio[-1] > 0.999
+    assert ratio[0] < 0.2 and np.all(np.diff(ratio[::5]) > 0) and ratio[-1] > 0.999
     assert data["ellipse_semi_major"][-1] == pytest.approx(found.peak, rel=2e-4) and np.all(data["ellipse_sense"] == data["ellipse_sense"][0])
     assert data.attributes["constraint"] < 1e-10 and data.attributes["error"] < 1e-5
 
