@@ -16,7 +16,9 @@ from numerics.full_rows import Array, State
 
 CONSTRAINT = 1e-10
 LONGEST, SHORTEST = 3.0, 0.1  # change of the step from one to the next
-LEAST_STEP, MOST_STEPS = 1e-12, 100  # of the whole time; in each longest step
+LEAST_STEP, MOST_STEPS = 1e-12, 100  # of the longest step; in each of those
+MOST_MOVED = 0.5  # of the size of an initial shape
+PATIENCE = 100  # iterations for it
 
 
 class Coarse(NotConverged):
@@ -66,7 +68,7 @@ def packed(system: System, start: tuple[State, State]) -> Instant:
     return Instant(y=y, rate=rate[:system.moving], second=np.zeros(system.moving))
 
 
-def consistent(stepper: Stepper, given: Instant, short: float) -> Instant:
+def consistent(system: System, given: Instant, short: float) -> Instant:
     """Return the start that meets the rows, at the same time: a step forwards, too short for any motion, and one back.
 
     The first brings the shape onto the constraints, along the forces that keep them; the second starts there and frees all else of that jump. It needs the
@@ -77,16 +79,19 @@ def consistent(stepper: Stepper, given: Instant, short: float) -> Instant:
     NotConverged
         The rows cannot be met near the shape.
     """
+    stepper = Stepper(system=system, iterations=PATIENCE)
     try:
         there = stepper.solve(given, short, np.repeat(given.y[:, None], STAGES, axis=1)).end()
         rate = given.rate
-        for _ in range(1 if stepper.system.order == 1 else 4):
+        for _ in range(1 if system.order == 1 else 4):
             stepper.kept = None
             found = stepper.solve(Instant(y=there.y, rate=rate, second=there.second), -short, np.repeat(there.y[:, None], STAGES, axis=1)).end()
             rate = rate + given.rate - found.rate
     except NotConverged as failure:
         raise NotConverged(f"at time 0: the initial shape cannot be brought to meet the constraints: {failure}; expected a shape nearer to them, such as a smaller amplitude") from failure
-    stepper.kept = None
+    moved, size = (float(np.abs(one[:system.moving]).max(initial=0.0)) for one in (found.y - given.y, given.y))
+    if not moved <= MOST_MOVED * size:
+        raise NotConverged(f"at time 0: the equations move the initial shape by {moved / max(size, 1e-300):.1g} of its size before it meets them; expected a smaller amplitude")
     return found
 
 
@@ -130,7 +135,7 @@ def simulate_full(system: System, start: tuple[State, State], times: Array, plan
         A step fails, or (`Coarse`) a constraint is not kept to 1e-10; the message gives the time.
     """
     stepper, control, last = Stepper(system=system, converged=max(CONVERGED, min(1e-11, 1e-4 * plan.tolerance))), Control(system, plan), None
-    now = consistent(stepper, packed(system, start), plan.short)
+    now = consistent(system, packed(system, start), plan.short)
     most = MOST_STEPS * (5 + len(times) + (times[-1] - times[0]) / plan.longest)
     record, track, worst = [now], [], checked(system, now, times[0])
     for begin, end in zip(times, times[1:], strict=False):
@@ -148,7 +153,7 @@ def simulate_full(system: System, start: tuple[State, State], times: Array, plan
             except Failed as failure:
                 stepper.costs.rejected += 1
                 control.wanted = min(control.wanted, step / 2)
-                if step < LEAST_STEP * times[-1] or stepper.costs.steps > most:
+                if step < LEAST_STEP * plan.longest or stepper.costs.steps > most:
                     raise NotConverged(f"at time {time:.6g}: after {stepper.costs.steps} steps {failure}; expected a motion that stays smooth: "
                                        "ask for a larger tolerance, a shorter time or a smaller initial amplitude") from failure
                 last = None if last is None or step < last.size / 1000 else last

@@ -27,7 +27,7 @@ KNOTS = np.concatenate([[0.0], C])  # a step's start and its stages
 TAIL = np.linalg.inv(legendre.legvander(2 * KNOTS - 1, STAGES))[-2:]  # the last two Legendre coefficients of the polynomial through them
 ITERATIONS = 25
 CONVERGED = 1e-13
-SLOW, MANY, FACTORS = 0.4, 7, 3  # contraction and iterations from which a new factor costs less; most factors in a step
+SLOW, MANY, FACTORS = 0.4, 7, 3  # contraction and iterations from which a new factor costs less; factors in a step, after which a shorter one is better
 
 
 class Failed(NotConverged):
@@ -241,6 +241,7 @@ class Stepper:
 
     system: System
     converged: float = CONVERGED  # size of a change, of the largest coefficient, that ends the iterations
+    iterations: int = ITERATIONS  # most in a step
     kept: Factor | None = None
     largest: float = 0.0  # of the coefficients so far
     costs: Costs = field(default_factory=Costs)
@@ -262,7 +263,7 @@ class Stepper:
         u, w, Y = start.y[:m], start.rate, guess
         largest = max(self.largest, float(np.abs(u).max(initial=0.0)), 1e-6 * system.height, 1e-300)
         before, made = np.inf, 0
-        for count in range(1, ITERATIONS + 1):
+        for count in range(1, self.iterations + 1):
             V, L = self.derivatives(Y, u, w, step)
             values = [Y, V, L][:system.order + 1]
             if self.kept is None:

@@ -22,6 +22,7 @@ NODES, LEAST_NODES, MOST_NODES = 32, 28, 120  # of the shape that an amplitude h
 LEVELS = 4
 LEAST_ERROR = 1e-13  # of a step, above rounding
 SHORT = 1e-4  # of a period: a start is brought onto the constraints within it
+MOST_PERIODS = 100_000
 FINER = 64.0  # change of the step error from one level to the next: half the step
 
 
@@ -78,8 +79,11 @@ def converged(full: Full, mu: float, start: tuple[State, State], times: Array, a
     NotConverged
         The levels do not agree, or a step fails.
     """
-    period = period_of(full, float(times[-1]))
-    short = SHORT * (period if full.hopf else min(1.0, period) / 10)
+    until = float(times[-1])
+    period = period_of(full, until)
+    if until > MOST_PERIODS * period:
+        raise EvaluationError(f"until: found {until / period:.3g} periods of the threshold; expected at most {MOST_PERIODS} to follow step by step")
+    short = min(SHORT * (period if full.hopf else min(1.0, period) / 10), until / 10)
     nodes, error, before = (LEAST_NODES if full.rows.spatial else 1), np.inf, None
     skip = 2 if len(times) > 2 and len(times) % 2 else 1  # the first level stops at every other time
     for level in range(LEVELS):
@@ -96,7 +100,7 @@ def converged(full: Full, mu: float, start: tuple[State, State], times: Array, a
             error = difference(before, record)
             if error < accuracy.tolerance:
                 return record, error, before
-        before, nodes = record, nodes + nodes // 8
+        before, nodes = record, nodes + nodes // (2 if level else 8)  # what is not smooth needs many
     raise NotConverged(f"found a displacement that changes by {error:.1e} of its largest value when steps are halved; expected less than {accuracy.tolerance:.0e}: ask for a shorter time or a larger tolerance")
 
 
