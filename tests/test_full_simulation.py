@@ -13,7 +13,7 @@ from derive.cli import main
 from derive.residual import emit_residual
 from numerics import full_radau
 from numerics.full import solve_state
-from numerics.full_motion import simulate_full
+from numerics.full_motion import consistent, simulate_full
 from numerics.full_radau import STAGES, Instant, Stepper, System
 from numerics.full_rows import Rows, State
 from numerics.full_simulation import Accuracy, Plan, converged, ellipses, simulate_fields, start_of
@@ -191,8 +191,19 @@ def test_a_nearly_planar_start_becomes_circular_whirling():
     assert data.attributes["constraint"] < 1e-10 and data.attributes["error"] < 1e-5
 
 
+def test_a_start_that_is_not_the_given_one_is_refused():
+    """Growth by many orders within the time in which a start is brought onto the constraints."""
+    full = full_of("van_der_pol")
+    system = System(full.rows, full.threshold + 0.5, 1)
+    given = Instant(y=np.array([1e-3]), rate=np.zeros(1), second=np.zeros(1))
+    assert abs(consistent(system, given, 1e-4).y[0] - 1e-3) < 1e-15
+    with pytest.raises(EvaluationError, match="at time 0"):
+        consistent(system, given, 40.0)
+
+
 @pytest.mark.parametrize(("changes", "says"), [
     ({"tolerance": 1e-13}, "tolerance: found 1e-13"),
+    ({"until": 1e7}, "until: found 1.59e.06 periods"),
     ({"initial": (5.0 + 0j, 0j), "target": "follower_force", "until": 0.01}, "at time 0"),
 ])
 def test_what_cannot_be_simulated_is_said(changes, says):
