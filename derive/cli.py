@@ -17,7 +17,7 @@ import click
 from threadpoolctl import threadpool_limits
 
 from derive.derivation import Derivation, derive_amplitude_equation
-from derive.files import check_folder, write_files
+from derive.files import check_file, check_folder, write_files
 from derive.problem import Problem, bundled_names, load_problem
 from derive.statement import DerivationError, ProblemError, one_line
 from numerics.coefficients import ROUTES, Result, evaluate
@@ -368,8 +368,8 @@ def full(target: str, state: str, mu: float | None, mu_range: tuple[float, float
 @click.option("--spacing", default="linear", show_default=True, type=click.Choice(["linear", "log"]), help="Spacing of the times.")
 @click.option("--format", "form", default=None, type=click.Choice(["npz", "nc"]), help="NPZ, or NetCDF.")
 @click.option("--full", "as_full", is_flag=True, help="Integrate the full nonlinear problem itself, from the shape that the amplitude has to that order.")
-@click.option("--steps", default=24, show_default=True, type=click.IntRange(4, 100_000), help="With --full: fewest time steps in a period of the threshold (in the unit of time when steady).")
-@click.option("--tolerance", default=1e-6, show_default=True, type=float, help="With --full: steps are halved until they change the normalised field by less than this share of its largest value.")
+@click.option("--steps", default=6, show_default=True, type=click.IntRange(1, 100_000), help="With --full: fewest time steps in a period of the threshold (in the whole time when steady).")
+@click.option("--tolerance", default=1e-6, show_default=True, type=float, help="With --full: error of the normalised field, as a share of its largest value: change by half the steps and more nodes.")
 def simulate(target: str, initial: str, mu: float, until: float, out: str, order: str, points: int, places: int, spacing: str, form: str | None, as_full: bool, steps: int,
              tolerance: float) -> None:
     """Integrate the amplitude equation, or with --full the full problem, and write the fields along the motion.
@@ -386,6 +386,7 @@ def simulate(target: str, initial: str, mu: float, until: float, out: str, order
     form = form or path.suffix.removeprefix(".")
     if form not in FORMATS:
         raise click.UsageError(f"--out: found {path.name!r}; expected a name that ends in .npz or .nc, or --format")
+    check_file(path)
     scene = Scene(initial=parse_amplitude(initial), mu=mu, until=until)
     sampling = Sampling(times=points, places=places, logarithmic=spacing == "log", order=order)
     if as_full:
@@ -393,7 +394,6 @@ def simulate(target: str, initial: str, mu: float, until: float, out: str, order
         from numerics.full_simulation import Accuracy, simulate_fields
 
         derivation, result = coefficients_of(target, 15, "auto", False)
-        check_folder(path.parent)
         data = simulate_fields(emit_residual(derivation.problem), derivation.emit(), result, scene, sampling, Accuracy(steps=steps, tolerance=tolerance))
     else:
         data = run(derived(target).emit(), scene, sampling)
@@ -416,6 +416,7 @@ def figures(target: str, out: str | None, form: str, only: str | None) -> None:
         raise click.UsageError(f"--only: found {only!r}; expected one of {', '.join(NAMES)}")
     derivation = derived(target)
     folder = Path(out) if out else Path(f"{derivation.problem.name}-figures")
+    check_folder(folder)
     files = {folder / name: content for name, content in drawn(derivation, form, (only,) if only else NAMES, only is not None)}
     write_files(files)
     for path in files:

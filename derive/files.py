@@ -17,8 +17,7 @@ def write_files(contents: Mapping[Path, str | bytes]) -> None:
             made.append((name, path))
             write_whole(handle, content.encode("utf-8") if isinstance(content, str) else content, path)
         for path in contents:
-            if path.is_dir():
-                raise IsADirectoryError(None, "found a folder where a file was expected", str(path))
+            refuse_folder(path)
         for name, path in made:
             os.replace(name, path)
     except BaseException:
@@ -27,9 +26,24 @@ def write_files(contents: Mapping[Path, str | bytes]) -> None:
         raise
 
 
+def refuse_folder(path: Path) -> None:
+    """Refuse a folder that stands where a file is to be written."""
+    if path.is_dir():
+        raise IsADirectoryError(None, "found a folder where a file was expected", str(path))
+
+
+def check_file(path: Path) -> None:
+    """Refuse a file that cannot be written, before any work is done for it."""
+    refuse_folder(path)
+    check_folder(path.parent)
+
+
 def check_folder(folder: Path) -> None:
-    """Make a folder, or refuse one that cannot be written to, before any work is done for it."""
-    handle, name = new_file(folder, folder)
+    """Refuse a folder that cannot be made or written to, before any work is done for it; nothing is left there."""
+    there = next(one for one in (folder.absolute(), *folder.absolute().parents) if one.exists())
+    if not there.is_dir():
+        raise NotADirectoryError(None, "found a file where a folder was expected", str(there))
+    handle, name = new_file(there, folder)
     os.close(handle)
     os.unlink(name)
 

@@ -59,6 +59,28 @@ def test_one_figure_is_written(tmp_path):
     assert done.exit_code == 0 and [path.name for path in tmp_path.iterdir()] == ["bifurcation.svg"]
 
 
+def test_an_interruption_leaves_every_figure_that_was_there(tmp_path, monkeypatch):
+    def interrupted(one, name, spectra=None):
+        if name == "bifurcation":
+            raise KeyboardInterrupt
+        return draw(one, name, spectra)
+
+    (tmp_path / "mode.svg").write_text("mine")
+    monkeypatch.setattr("numerics.figures.NAMES", ("mode", "bifurcation"))
+    monkeypatch.setattr("numerics.figures.draw", interrupted)
+    done = figures("van_der_pol", "--out", tmp_path)
+    assert done.exit_code == 130 and done.stdout == "" and len(done.stderr.strip().splitlines()) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["mode.svg"] and (tmp_path / "mode.svg").read_text() == "mine"
+
+
+def test_a_folder_that_cannot_be_written_is_said_before_the_work(tmp_path, monkeypatch):
+    (tmp_path / "taken").write_text("mine")
+    monkeypatch.setattr("derive.cli.drawn", None)
+    done = figures("van_der_pol", "--out", tmp_path / "taken" / "inside")
+    assert done.exit_code == 2 and done.stdout == "" and len(done.stderr.splitlines()) == 1 and "found a file where a folder was expected" in done.stderr
+    assert (tmp_path / "taken").read_text() == "mine"
+
+
 def test_pyplot_is_not_touched():
     command = "import sys, numerics.figures, numerics.animation; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", command], cwd=ROOT).returncode == 0

@@ -1,15 +1,10 @@
-"""Orbits by collocation in time against harmonic balance, orders of the residual, and simulation of the full problem from the command."""
-
-import json
+"""Orbits by collocation in time against harmonic balance, and orders of the residual."""
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from conftest import PROBLEMS, derivation_of, result_of
-from scipy.integrate import solve_ivp
 
 from derive import load_problem
-from derive.cli import main
 from derive.residual import emit_residual
 from numerics import full_orders
 from numerics.full import measured_points, solve_state
@@ -83,21 +78,3 @@ def test_points_for_the_diagram_lie_on_the_branch():
     assert len(controls) == 2
     branch = Branch(full_of(target), "branch")
     assert peaks[1] == pytest.approx(branch.peak(branch.refined(branch.start(0.1), 1e-10)[0]), rel=1e-4)
-
-
-def test_the_command_simulates_the_full_problem_within_its_error(tmp_path):
-    path = tmp_path / "motion.npz"
-    arguments = ["simulate", "van_der_pol", "--full", "--initial", "0.3", "--mu", "0.2", "--until", "10", "--points", "51", "--out", str(path)]
-    assert CliRunner().invoke(main, arguments).exit_code == 0
-    with np.load(path) as data:
-        x, attributes = data["field_x"], json.loads(str(data["attributes"]))
-        times = data["time"]
-    from numerics.full_simulation import start_of
-    from numerics.motion import Scene
-
-    state, rate = start_of(full_of("van_der_pol"), derivation_of("van_der_pol").emit(), Scene(initial=(0.3 + 0j,), mu=0.2, until=10.0), "1", 1)
-    start = [state.coefficients[0][0, 0], rate.coefficients[0][0, 0]]
-    exact = solve_ivp(lambda t, u: [u[1], (0.2 - u[0] ** 2) * u[1] - u[0]], (0, 11), start, rtol=1e-11, atol=1e-12, t_eval=times).y[0]
-    assert np.abs(x - exact).max() < attributes["error"] * np.abs(exact).max()
-    assert attributes["constraint"] < 1e-10
-    assert CliRunner().invoke(main, [*arguments, "--spacing", "log"]).exit_code == 2

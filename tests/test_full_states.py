@@ -13,7 +13,6 @@ from derive import load_problem
 from derive.cli import main
 from derive.residual import emit_residual
 from numerics.full import Secondary, follow_branch, solve_state
-from numerics.full_motion import simulate_full
 from numerics.full_rows import Rows, space_basis
 from numerics.full_validate import validate
 from numerics.precision import EvaluationError
@@ -134,21 +133,6 @@ def test_a_wrong_coefficient_is_found_out():
 def test_the_coefficients_of_the_filament_are_measured_to_eight_digits():
     found = validate(text_of("follower_force"), derivation_of("follower_force").emit(), result_of("follower_force"))
     assert found.agrees and min(check.digits for check in found.checks) >= 8
-
-
-def test_a_pendulum_on_a_circle_is_simulated_onto_its_cycle():
-    """A second-order differential-algebraic system: the constraint is kept, and the motion ends on the state found by harmonic balance."""
-    target = local("pendulum_cart")
-    cycle = solved(target, "cycle", 0.2)
-    record = simulate_full(text_of(target), result_of(target), 0.2, (0.2 + 0j,), 60.0, steps=40)
-    assert record.residual < 1e-10
-    assert abs(np.abs(record.displacement[-80:]).max() - cycle.peak) < 2e-3 * cycle.peak
-
-
-def test_simulation_converges_with_order_five():
-    target = "van_der_pol"
-    ends = [simulate_full(text_of(target), result_of(target), 0.5, (0.3 + 0j,), 6.0, steps=steps).displacement[-1, 0] for steps in (10, 20, 40)]
-    assert np.log2(abs(ends[1] - ends[0]) / abs(ends[2] - ends[1])) > 4.3
 
 
 @pytest.mark.parametrize(("state", "mu", "tolerance", "message"), [

@@ -2,6 +2,7 @@
 
 import io
 import json
+import tempfile
 
 import numpy as np
 import pytest
@@ -87,3 +88,39 @@ problem = Problem(name="names", time=t, control=base, control_range=(-1, 1), fie
     equations=(x.diff(t, 2) - (base - mode * x**2) * x.diff(t) + frame * x,), base_state={x: 0}, normalisation=(x, None))
 """)
     assert simulate(target, tmp_path / "a.nc", initial="0.1").exit_code == 0
+
+
+def refused_in(name, make=tempfile.mkstemp):
+    """Permissions do not bind the superuser: refuse new files in one folder."""
+    def mkstemp(dir, prefix):
+        if dir.name == name:
+            raise PermissionError(13, "Permission denied", str(dir))
+        return make(dir=dir, prefix=prefix)
+
+    return mkstemp
+
+
+@pytest.mark.parametrize("extra", [(), ("--full",)])
+@pytest.mark.parametrize("out", ["taken/a.npz", "folder.npz", "locked/a.npz"])
+def test_what_cannot_be_written_is_said_before_the_work(tmp_path, monkeypatch, extra, out):
+    (tmp_path / "taken").write_text("mine")
+    (tmp_path / "folder.npz").mkdir()
+    (tmp_path / "locked").mkdir()
+    monkeypatch.setattr("derive.files.tempfile.mkstemp", refused_in("locked"))
+    monkeypatch.setattr("derive.cli.derived", None)  # no work
+    monkeypatch.setattr("derive.cli.coefficients_of", None)
+    done = simulate("van_der_pol", tmp_path / out, *extra)
+    assert done.exit_code == 2 and done.stdout == "" and len(done.stderr.splitlines()) == 1 and str(tmp_path) in done.stderr
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["folder.npz", "locked", "taken"] and (tmp_path / "taken").read_text() == "mine"
+
+
+@pytest.mark.parametrize(("extra", "where"), [((), "numerics.simulation.simulate"), (("--full",), "numerics.full_simulation.simulate_fields")])
+def test_an_interruption_leaves_what_was_there(tmp_path, monkeypatch, extra, where):
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    (tmp_path / "a.npz").write_text("mine")
+    monkeypatch.setattr(where, interrupted)
+    done = simulate("van_der_pol", tmp_path / "a.npz", *extra, initial="0.1")
+    assert done.exit_code == 130 and done.stdout == "" and len(done.stderr.strip().splitlines()) == 1 and "interrupted" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["a.npz"] and (tmp_path / "a.npz").read_text() == "mine"
