@@ -273,7 +273,7 @@ class Branch:
         if share == 1.0:
             try:
                 found = self.at_control(near.grid, near.X, target)
-                if abs(self.amplitude_row(near.grid) @ found.X) > 0.5 * abs(reading):
+                if 0.5 < abs(self.amplitude_row(near.grid) @ found.X) / abs(reading) < 2:
                     return found
             except NotConverged:
                 pass
