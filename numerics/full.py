@@ -16,8 +16,8 @@ from numerics.full_cycles import Cycles
 from numerics.full_newton import Condition, NotConverged, Solution, newton
 from numerics.full_orbit import Found
 from numerics.full_rows import Rows, State
-from numerics.full_stability import Exponent, exponents_of, settled_exponents
-from numerics.full_states import MAX_NODES, Branch, Full, Prediction, peak_of
+from numerics.full_stability import Exponent, exponents_of, resting_exponents, settled_exponents
+from numerics.full_states import Branch, Full, Prediction, peak_of
 from numerics.precision import EvaluationError
 
 SHOWN = 8
@@ -66,7 +66,7 @@ class FullState:
         return {
             "state": self.state, "mu": decimal(self.mu, 0.0), "control": decimal(self.control, 0.0), "peak": decimal(self.peak, self.error), "frequency": frequency,
             "predicted": {"peak": decimal(predicted.peak, 0.0), "frequency": None if predicted.frequency is None else decimal(predicted.frequency, 0.0)} if predicted else None,
-            "exponents": [{"re": placed(one.value.real, self.exponent_error), "im": placed(one.value.imag, self.exponent_error), "kind": one.kind} for one in self.exponents[:SHOWN]],
+            "exponents": [{"re": placed(one.value.real, one.error), "im": placed(one.value.imag, one.error), "kind": one.kind} for one in self.exponents[:SHOWN]],
             "exponent_error": f"{self.exponent_error:.1e}", "stable": self.stable, "error": f"{self.error:.1e}", "resolution": {"nodes": self.nodes, "harmonics": self.harmonics, "residual": f"{self.residual:.1e}"},
             "seconds": round(self.seconds, 4),
         }
@@ -87,7 +87,7 @@ class FullState:
         if self.frequency is not None:
             lines.append(f"  frequency  {decimal(self.frequency, self.error)}" + (f"   amplitude equation {predicted.frequency:.8g}" if predicted and predicted.frequency else ""))
         for one in self.exponents[:SHOWN]:
-            lines.append(f"  exponent   {one.value.real:+.9g} {one.value.imag:+.9g}i" + (f"   {one.kind}" if one.kind else ""))
+            lines.append(f"  exponent   {placed(one.value.real, one.error)} {'-' if one.value.imag < 0 else '+'} {placed(abs(one.value.imag), one.error)}i" + (f"   {one.kind}" if one.kind else ""))
         harmonics = f", {self.harmonics} harmonics" if self.harmonics else ""
         lines.append(f"  relative error {self.error:.1e}, of the exponents {self.exponent_error:.1e} (absolute), {self.nodes} nodes" + harmonics + f", {self.seconds:.2f} s")
         return "\n".join(lines)
@@ -103,8 +103,10 @@ def decimal(value: float, error: float) -> str:
 
 
 def placed(value: float, error: float) -> str:
-    """Return a number with the places that its absolute error allows."""
-    return f"{value:.{min(16, max(0, floor(-log10(max(error, 1e-16)))))}f}"
+    """Return a number with the places that its absolute error allows, and at most thirteen digits."""
+    places = floor(-log10(max(error, 1e-13 * abs(value), 1e-16)))
+    written = f"{value:.{min(16, max(0, places))}f}"
+    return written if float(written) else written.lstrip("-")
 
 
 def solve_state(text: str, result: Result, state: str, mu: float, tolerance: float = 1e-10) -> FullState:
@@ -177,32 +179,12 @@ def check_tolerance(tolerance: float) -> None:
 def at_rest(branch: Branch, mu: float, started: float) -> FullState:
     """Return the base state with its growth rates, at a resolution that changes them no more."""
     full = branch.full
-    control, nodes = full.threshold + mu, 20
-    found: tuple[Exponent, ...] = ()
-    while True:
-        grid = branch.grid(nodes, 0)
-        before, found = found, exponents_of(branch, grid, np.zeros(grid.size), control, 0.0)
-        error = drift(before, found)
-        if error < 1e-8 or grid.nodes == 1:
-            break
-        nodes += nodes // 4
-        if nodes > MAX_NODES:
-            raise EvaluationError(f"{branch.state} at control {control:.8g}: found leading growth rates that still change by {error:.1e} at {grid.nodes} nodes; expected them to settle")
-    scale = max((abs(one.value) for one in found[:2]), default=1.0)
+    control = full.threshold + mu
+    exponents, error, grid = resting_exponents(branch, control)
     return FullState(
-        state=branch.state, mu=mu, control=control, peak=0.0, frequency=None, predicted=full.predict(branch.state, mu), exponents=found, exponent_error=(1e-12 if grid.nodes == 1 else error) * scale,
-        error=0.0 if grid.nodes == 1 else error, nodes=grid.nodes,
+        state=branch.state, mu=mu, control=control, peak=0.0, frequency=None, predicted=full.predict(branch.state, mu), exponents=exponents, exponent_error=error, error=0.0, nodes=grid.nodes,
         harmonics=0, residual=0.0, seconds=time.perf_counter() - started, shape=grid.unpack(np.zeros(grid.size), control, 0.0),
     )
-
-
-def drift(before: tuple[Exponent, ...], after: tuple[Exponent, ...]) -> float:
-    """Return the relative change of the leading exponents."""
-    if not before or not after:
-        return float("inf")
-    pairs = list(zip(before[:2], after[:2], strict=False))
-    scale = max(abs(one.value) for one in after[:2])
-    return max(abs(one.value - other.value) for one, other in pairs) / max(scale, 1e-300)
 
 
 def completed(branch: Branch, start: Solution, tolerance: float, started: float) -> FullState:

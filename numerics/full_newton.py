@@ -25,6 +25,8 @@ class LeastSquares:
     def __init__(self, matrix: Array) -> None:
         if not np.all(np.isfinite(matrix)):
             raise NotConverged("found values of the rows that are not finite; expected a state in the domain of the equations")
+        if matrix.shape[0] < matrix.shape[1]:
+            raise NotConverged("found a singular linearisation: fewer rows than unknowns")
         self.columns = np.linalg.norm(matrix, axis=0)
         self.columns[self.columns == 0] = 1.0
         self.matrix = matrix / self.columns
@@ -91,8 +93,9 @@ def system(grid: Discretisation, X: Array, conditions: Sequence[Condition]) -> A
     """Return the matrix of a Newton step; rows are scaled to unit size."""
     at = grid.linearise(X[:-2], X[-1], X[-2])
     matrix = at.matrix()
-    scale = at.scales(matrix)
-    matrix = np.hstack([matrix, at.in_omega[:, None], at.in_control[:, None]]) * scale[:, None]
+    others = np.stack([at.in_omega, at.in_control], axis=1)
+    scale = at.scales(matrix, others)
+    matrix = np.hstack([matrix, others]) * scale[:, None]
     return np.vstack([matrix, [condition.row / np.linalg.norm(condition.row) for condition in conditions]])
 
 
@@ -126,8 +129,9 @@ def newton(grid: Discretisation, X: Array, conditions: Sequence[Condition], widt
         at = grid.linearise(X[:-2], X[-1], X[-2])
         if solver is None:
             matrix = at.matrix()
-            scale = at.scales(matrix)
-            matrix = np.hstack([matrix, at.in_omega[:, None], at.in_control[:, None]])[scale > 0] * scale[scale > 0, None]
+            others = np.stack([at.in_omega, at.in_control], axis=1)
+            scale = at.scales(matrix, others)
+            matrix = np.hstack([matrix, others])[scale > 0] * scale[scale > 0, None]
             extra = np.array([condition.row / np.linalg.norm(condition.row) for condition in conditions]).reshape(-1, len(X))
             solver = LeastSquares(np.vstack([matrix, extra])[:, free])
             factors += 1

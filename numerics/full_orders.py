@@ -49,35 +49,38 @@ class ResidualOrder:
         return f"  residual of the expansion to order {self.order:3} ~ {slope}, derived mu^{self.derived:g}{'' if self.agrees else '  DISAGREES'}"
 
 
-def residual_orders(full: Full, emitted: str, mu: float) -> tuple[ResidualOrder, ...]:
+def residual_orders(full: Full, emitted: str, mu: float, nodes: int = NODES) -> tuple[ResidualOrder, ...]:
     """Return the orders of the residual, from the distances mu and mu/4 from the threshold, for a motion of no special shape; farther where they show rounding only."""
     quadratic = bool(full.coefficient("A**2"))
     found = []
     for order in ("1",) if quadratic else ORDERS:
-        for farther in (1.0, FACTOR, FACTOR**2):
-            sizes = [residual_of(full, emitted, one, order) for one in (farther * mu, farther * mu / FACTOR)]
-            resolved = sizes[1][0] > 10 * sizes[1][1]
-            if resolved:
+        derived = 2.0 if quadratic else {"1/2": 1.0, "1": 1.5}[order]
+        slope, largest = np.inf, 0.0
+        for factor in (1.0, FACTOR**-2, FACTOR, FACTOR**2):  # nearer where the next orders are in the way, farther where it is rounding
+            (size, _), (nearer, noise) = (residual_of(full, emitted, factor * one, order, nodes) for one in (mu, mu / FACTOR))
+            if nearer > 10 * noise and not derived - SLACK < slope < np.inf:
+                slope, largest = float(np.log(size / nearer) / np.log(FACTOR)), size
+            if derived - SLACK < slope < np.inf:
                 break
-        slope = float(np.log(sizes[0][0] / sizes[1][0]) / np.log(FACTOR)) if resolved else np.inf
-        found.append(ResidualOrder(order=order, derived=2.0 if quadratic else {"1/2": 1.0, "1": 1.5}[order], measured=slope, largest=sizes[0][0]))
+        found.append(ResidualOrder(order=order, derived=derived, measured=slope, largest=largest))
     return tuple(found)
 
 
 def initial_amplitude(full: Full, mu: float) -> tuple[complex, ...]:
     """Return an amplitude of the size of that of the states at mu, of no special shape."""
     states = [state for state in full.states if state not in ("base", "undeformed")]
-    size = abs(full.predict(states[-1], mu).amplitude)
+    amplitude = full.predict(states[-1], mu).amplitude  # negative where a transcritical branch is: on the other side nothing saturates
     if not full.vector:
-        return (size * (0.8 + 0.3j) if full.hopf else complex(0.8 * size),)
+        return (amplitude * (0.8 + 0.3j) if full.hopf else complex(0.8 * amplitude),)
+    size = abs(amplitude)
     return (0.8 * size + 0j, size * (0.2 + 0.4j) if full.hopf else complex(0.3 * size))
 
 
-def residual_of(full: Full, emitted: str, mu: float, order: str) -> tuple[float, float]:
+def residual_of(full: Full, emitted: str, mu: float, order: str, nodes: int) -> tuple[float, float]:
     """Return the largest residual of any row at one instant of a motion, and the size of its rounding; each row by its largest coefficient at the base state."""
     rows, omega = full.rows, full.frequency
     left, right = rows.INTERVAL if rows.spatial else (0.0, 1.0)
-    places = left + (right - left) * (1 - np.cos(np.pi * np.arange(NODES) / (NODES - 1))) / 2 if rows.spatial else np.zeros(1)
+    places = left + (right - left) * (1 - np.cos(np.pi * np.arange(nodes) / (nodes - 1))) / 2 if rows.spatial else np.zeros(1)
     rate = max(omega, abs(full.coefficient("mu*A") * mu))
     step = 2 * np.pi / rate / 400 if omega else 0.02 / rate
     times = 75 * step + step * np.arange(-4, 5)
@@ -91,7 +94,7 @@ def residual_of(full: Full, emitted: str, mu: float, order: str) -> tuple[float,
         value = np.tensordot(WEIGHTS[dt] / step**dt, values[k], axes=1)
         rounding[j] = EPS * float(np.abs(values[k]).max() * np.abs(WEIGHTS[dt]).sum()) / step**dt
         if ds:
-            series = chebyshev.chebfit(unit, value, NODES - 1)
+            series = chebyshev.chebfit(unit, value, nodes - 1)
             series = series[:int(np.flatnonzero(np.abs(series) >= rounding[j])[-1]) + 1] if np.any(np.abs(series) >= rounding[j]) else series[:1]
             stretch = (2 / (right - left)) ** ds
             value = chebyshev.chebval(unit, chebyshev.chebder(series, ds)) * stretch

@@ -340,8 +340,15 @@ class Linearisation:
             blocks.append(np.hstack(columns))
         return np.vstack(blocks)
 
-    def scales(self, matrix: Array) -> Array:
-        """Return the factor that brings each row to unit size over all points and times; 0 for a row that holds none of the unknowns."""
+    def scales(self, matrix: Array, others: Array | None = None) -> Array:
+        """Return the factor that brings each row to unit size over all points and times; 0 for a row that holds neither the unknowns nor `others` (frequency, control)."""
+        size = self.sizes(matrix)
+        if others is not None:
+            size = np.where(size > 0, size, self.sizes(others))
+        return np.where(size > 0, 1 / np.maximum(size, max(1e-6 * size.max(), 1e-300)), 0.0)
+
+    def sizes(self, matrix: Array) -> Array:
+        """Return the largest norm of each row over all points and times, at every one of them."""
         sizes, start = [], 0
         norms = np.linalg.norm(matrix, axis=1)
         for slope in self.slopes.values():
@@ -349,5 +356,4 @@ class Linearisation:
             block = norms[start:start + points * rows * times].reshape(points, rows, times)
             sizes.append(np.broadcast_to(block.max(axis=(0, 2), initial=0.0)[None, :, None], block.shape).ravel())
             start += points * rows * times
-        size = np.concatenate(sizes)
-        return np.where(size > 0, 1 / np.maximum(size, max(1e-6 * size.max(), 1e-300)), 0.0)
+        return np.concatenate(sizes)

@@ -1,8 +1,8 @@
 r"""Does the theory hold? Threshold, frequency and coefficients measured on the full problem, beside the derived ones.
 
 The control `c` and the frequency of a state of leading harmonic `a` are smooth functions of :math:`q = a^2` (of `a` for a transcritical
-bifurcation). A polynomial through a few of them, at Chebyshev points, gives their values and slopes at q = 0: Richardson extrapolation in the
-amplitude. With :math:`\gamma` from the spectrum of the base state,
+bifurcation; a steady scalar state need not have a symmetry that makes it so, but the mean over :math:`\pm a` is). A polynomial through a few of
+them, at Chebyshev points, gives their values and slopes at q = 0: Richardson extrapolation in the amplitude. With :math:`\gamma` from the spectrum of the base state,
 
 * :math:`\gamma c'(0) + \kappa = i \Omega'(0)` gives the cubic coefficient of that state: :math:`\beta/2` from whirling (q its squared radius),
   :math:`\alpha + \beta` from beating, the only one for a scalar amplitude;
@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from math import log, log10, sqrt
+from dataclasses import dataclass, replace
+from math import log, log10
 from typing import Any
 
 import numpy as np
@@ -24,9 +24,9 @@ from numpy.polynomial import Polynomial
 
 from numerics.coefficients import Result
 from numerics.full_newton import NotConverged, Solution
-from numerics.full_orders import ResidualOrder, residual_orders
+from numerics.full_orders import NODES, ResidualOrder, residual_orders
 from numerics.full_rows import Array, Discretisation, Rows
-from numerics.full_stability import exponents_of
+from numerics.full_stability import exponents_of, resting_exponents
 from numerics.full_states import CUBIC, Branch, Full
 from numerics.precision import EvaluationError
 
@@ -38,24 +38,24 @@ SHARES = (0.01, 0.05, 0.10)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
-    """One derived number beside the measured one; `digits` agree, `error` is the measurement's own estimate, relative."""
+    """One derived number beside the measured one; `difference` and `error`, the measurement's own estimate, are relative (a threshold at zero: to a size of the control)."""
 
     name: str
     source: str
     derived: complex
     measured: complex
+    difference: float
     error: float
-    digits: int
+
+    @property
+    def digits(self) -> int:
+        """Return how many digits agree."""
+        return 16 if self.difference == 0 else max(0, min(16, int(-log10(self.difference))))
 
     @property
     def agrees(self) -> bool:
         """Tell whether enough digits agree, and as many as the measurement has (nine of them at most)."""
         return self.digits >= NEEDED and self.difference < max(10 * self.error, ROUNDING)
-
-    @property
-    def difference(self) -> float:
-        """Return the relative difference."""
-        return abs(self.derived - self.measured) / max(abs(self.derived), 1e-300)
 
     def line(self) -> str:
         """Return a line of text."""
@@ -161,7 +161,7 @@ def validate(text: str, emitted: str, result: Result, say: Callable[[str], None]
     say("gamma from the spectrum of the base state")
     slope = measured_gamma(full)
     checks.append(check("gamma" if full.hopf else "mu*A", "spectrum of the base state", full.coefficient("mu*A"), slope.gamma, slope.error))
-    shrunk = 1.0  # how much nearer than usual the expansion converges
+    shrunk, nodes = 1.0, NODES  # how much nearer than usual the expansion converges, and on what grid
     for state in full.states[:0:-1]:
         say(f"{state}: Richardson extrapolation")
         branch = Branch(full, state)
@@ -172,19 +172,17 @@ def validate(text: str, emitted: str, result: Result, say: Callable[[str], None]
             continue
         checks += compared(branch, fit, slope)
         say(f"{state}: range of validity")
-        shrunk = min(shrunk, abs(fit.mu) / usual_range(full))
+        shrunk, nodes = min(shrunk, abs(fit.mu) / usual_range(full)), max(nodes, fit.nodes)
         validity.append(validity_of(branch, shrunk * NEAR * size_of(full)))
     say("orders of the residual of the truncated expansion")
-    orders = residual_orders(full, emitted, side_of(branch) * shrunk * NEAR * size_of(full))
+    orders = residual_orders(full, emitted, side_of(branch) * shrunk * NEAR * size_of(full), nodes)
     return Validation(problem=result.problem, checks=tuple(checks), validity=tuple(validity), orders=orders, seconds=time.perf_counter() - started)
 
 
-def check(name: str, source: str, derived: complex, measured: complex, error: float) -> Check:
-    """Return the comparison of one number, measured with an absolute error."""
-    size = max(abs(derived), 1e-300)
-    difference = abs(derived - measured) / size
-    digits = 16 if difference == 0 else max(0, min(16, int(-log10(difference))))
-    return Check(name=name, source=source, derived=derived, measured=measured, error=error / size, digits=digits)
+def check(name: str, source: str, derived: complex, measured: complex, error: float, size: float = 0.0) -> Check:
+    """Return the comparison of one number, measured with an absolute error, relative to its size."""
+    size = size or max(abs(derived), 1e-300)
+    return Check(name=name, source=source, derived=derived, measured=measured, difference=abs(derived - measured) / size, error=error / size)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -199,10 +197,11 @@ class Slope:
 def measured_gamma(full: Full) -> Slope:
     """Return the derivative of the critical eigenvalue of the base state with respect to the control."""
     branch = Branch(full, full.states[0])
-    width = 0.02 * max(abs(full.threshold), 1e-3 * scale_of(full))
+    width = 5 * usual_range(full)
+    nodes = max(28, resting_exponents(branch, full.threshold)[2].nodes)
     found: list[Slope] = []
-    for _ in range(6):  # narrower until the eigenvalue is smooth in it: two resolutions and two degrees agree
-        (coarse, _), (fine, lower) = (slopes_of(branch, width, nodes) for nodes in (28, 34))
+    for _ in range(8):  # narrower until the eigenvalue is smooth in it: two resolutions and two degrees agree
+        (coarse, _), (fine, lower) = (slopes_of(branch, width, count) for count in (nodes, nodes + 6))
         found.append(Slope(gamma=fine, error=max(abs(fine - coarse), abs(fine - lower)), width=width))
         if found[-1].error < 1e-9 * abs(fine):
             break
@@ -266,6 +265,8 @@ class Fit:
     omega: Limit
     exponent: complex
     exponent_error: float
+    nodes: int
+    harmonics: int
 
     @property
     def error(self) -> float:
@@ -281,7 +282,7 @@ ENOUGH = 1e-9
 
 
 def extrapolated(branch: Branch, smooth: float) -> Fit:
-    """Return the extrapolation to zero amplitude with the smallest estimate of its error among some ranges, the first within `smooth`.
+    """Return the extrapolation to zero amplitude with the smallest estimate of its error among some ranges, the first within `smooth`, confirmed by a finer grid.
 
     Outside the disk where the expansion in the amplitude converges no degree helps: the range shrinks until the error rises again, then by rounding.
     Where the first range is the best one, a wider one is tried, which rounding spoils less.
@@ -289,9 +290,9 @@ def extrapolated(branch: Branch, smooth: float) -> Fit:
     first = side_of(branch) * min(usual_range(branch.full), smooth)
     best: Fit | None = None
     reason = ""
-    for mu in first * NEARER ** np.arange(10):
+    for mu in (first * NEARER**k for k in range(10)):
         try:
-            fit = fitted(branch, float(mu))
+            fit = fitted(branch, mu)
         except NotConverged as failure:
             reason = str(failure)
             continue
@@ -306,7 +307,19 @@ def extrapolated(branch: Branch, smooth: float) -> Fit:
             best = min(best, fitted(branch, first * WIDER), key=lambda one: one.error)
         except NotConverged:
             pass
-    return best
+    return confirmed(branch, best)
+
+
+def confirmed(branch: Branch, fit: Fit) -> Fit:
+    """Return a fit at a finer resolution, with the difference counted as error."""
+    if not branch.full.rows.spatial and not fit.harmonics:
+        return fit
+    finer = fitted(branch, fit.mu, branch.grid(fit.nodes + max(3, fit.nodes // 8), fit.harmonics + (2 if fit.harmonics else 0)))
+    control, omega = (
+        replace(new, value_error=max(new.value_error, abs(new.value - old.value)), slope_error=max(new.slope_error, abs(new.slope - old.slope)))
+        for new, old in ((finer.control, fit.control), (finer.omega, fit.omega))
+    )
+    return replace(finer, control=control, omega=omega, exponent_error=max(finer.exponent_error, abs(finer.exponent - fit.exponent)))
 
 
 def side_of(branch: Branch) -> float:
@@ -318,29 +331,40 @@ def side_of(branch: Branch) -> float:
     return 1.0
 
 
-def fitted(branch: Branch, mu: float) -> Fit:
+def fitted(branch: Branch, mu: float, grid: Discretisation | None = None) -> Fit:
     """Return values and slopes at zero amplitude from states up to the amplitude predicted at mu."""
     full = branch.full
-    transcritical = bool(full.coefficient("A**2"))
-    largest = full.predict(branch.state, mu).peak
+    prediction = full.predict(branch.state, mu)
+    largest = prediction.peak if prediction.amplitude > 0 else -prediction.peak
     shares = (1 - np.cos(np.pi * (np.arange(POINTS) + 0.5) / POINTS)) / 2  # Chebyshev points of (0, 1)
-    grid = resolved_grid(branch, mu)
-    values = []
-    X, reading = branch.guess(grid, mu * float(shares[0]))
-    for share in shares:
-        power = float(share) if transcritical else sqrt(float(share))
-        goal = power * (largest if reading > 0 else -largest)
-        found = branch.at_amplitude(grid, np.concatenate([X[:-2] * (goal / reading), X[-2:]]), goal, mu)
-        X, reading = found.X, goal
-        rate = 0j
-        if branch.state == "whirling":
-            exponents = exponents_of(branch, grid, found.y, found.control, found.omega)
-            rate = min((one.value for one in exponents), key=lambda value: abs(value - 2j * found.omega)) - 2j * found.omega
-        values.append((goal if transcritical else goal**2, found.control, found.omega, rate))
-    q, controls, omegas, exponents = (np.array(column) for column in zip(*values, strict=True))
+    grid = grid or resolved_grid(branch, mu)
+    if full.coefficient("A**2"):
+        q, sides = largest * shares, [states_at(branch, grid, mu, largest * shares)]
+    else:
+        both = (largest,) if full.hopf or full.vector else (largest, -largest)
+        q, sides = largest**2 * shares, [states_at(branch, grid, mu, side * np.sqrt(shares)) for side in both]
+    controls, omegas, exponents = np.mean([[(one.control, one.omega, other_sense(branch, one)) for one in side] for side in sides], axis=0).T
     rates = [limit_of(q, part) for part in ((exponents / q).real, (exponents / q).imag)]  # the exponent vanishes with q
-    return Fit(mu=mu, control=limit_of(q, controls - full.threshold), omega=limit_of(q, omegas - full.frequency), exponent=complex(rates[0].value, rates[1].value),
-               exponent_error=rates[0].value_error + rates[1].value_error)
+    return Fit(mu=mu, control=limit_of(q, controls.real - full.threshold), omega=limit_of(q, omegas.real - full.frequency), exponent=complex(rates[0].value, rates[1].value),
+               exponent_error=rates[0].value_error + rates[1].value_error, nodes=grid.nodes, harmonics=grid.harmonics)
+
+
+def states_at(branch: Branch, grid: Discretisation, mu: float, readings: Array) -> list[Solution]:
+    """Return the states of some leading harmonics: the first from the linear mode, each next one from the one before."""
+    X, before = branch.guess(grid, mu * float(readings[0] / readings[-1]) ** 2)
+    found = []
+    for reading in readings:
+        found.append(branch.at_amplitude(grid, np.concatenate([X[:-2] * (reading / before), X[-2:]]), float(reading), mu))
+        X, before = found[-1].X, reading
+    return found
+
+
+def other_sense(branch: Branch, found: Solution) -> complex:
+    """Return the exponent of whirling in the other sense, seen from rest; 0 for other states."""
+    if branch.state != "whirling":
+        return 0j
+    exponents = exponents_of(branch, found.grid, found.y, found.control, found.omega)
+    return min((one.value for one in exponents), key=lambda value: abs(value - 2j * found.omega)) - 2j * found.omega
 
 
 def limit_of(q: Array, values: Array) -> Limit:
@@ -357,16 +381,22 @@ def resolved_grid(branch: Branch, mu: float) -> Discretisation:
     """Return a discretisation that resolves, to rounding, the state of the amplitude predicted at mu; at which control it stands does not matter."""
     grid = branch.grid(*branch.coarse())
     X, reading = branch.guess(grid, mu)
-    solution = branch.resolved(branch.at_amplitude(grid, X, reading, mu), 1e-11 if branch.form.motion.kind != "periodic" else 1e-7)
+    near = branch.at_amplitude(grid, X, reading, mu)
+    if branch.form.motion.kind == "periodic":
+        solution = branch.resolved_at_amplitude(near, reading, mu, 1e-7)
+    else:
+        try:
+            solution = branch.resolved_at_amplitude(near, reading, mu, 1e-11)
+        except NotConverged:  # a steep layer
+            solution = branch.resolved_at_amplitude(near, reading, mu, 1e-9)
     return branch.grid(solution.grid.nodes + 2, solution.grid.harmonics + (2 if solution.grid.harmonics else 0))
 
 
 def compared(branch: Branch, fit: Fit, slope: Slope) -> list[Check]:
     """Return the comparisons that the extrapolation of one state allows."""
     full, state, gamma = branch.full, branch.state, slope.gamma
-    shift = 0.0 if full.threshold else 1.0
-    place = full.threshold + shift
-    found = [check("threshold + 1" if shift else "threshold", f"{state}, zero amplitude", complex(place), complex(place + fit.control.value), fit.control.value_error)]
+    place = complex(full.threshold)
+    found = [check("threshold", f"{state}, zero amplitude", place, place + fit.control.value, fit.control.value_error, abs(place) or size_of(full))]
     if full.hopf:
         found.append(check("frequency", f"{state}, zero amplitude", complex(full.frequency), complex(full.frequency + fit.omega.value), fit.omega.value_error))
     # gamma c' + kappa = i Omega', per |A|^2: q = 4 |A|^2 for a planar motion, 2 |A|^2 for whirling

@@ -91,6 +91,41 @@ def test_growth_rates_of_the_base_state_are_known_in_closed_form():
     assert np.allclose([one.value for one in found.exponents[:4]], [0.25 - (1 - n**2) ** 2 for n in (1, 2, 3, 4)], atol=1e-7)
 
 
+@pytest.mark.parametrize("mu", [-2.0, 1e-7, 0.0, 0.5])
+def test_growth_rates_of_a_damped_column_are_known_in_closed_form(write_problem, mu):
+    """Modes sin(n pi s) of a pinned column: infinitely many decay alike, and only some of them are resolved."""
+    target = write_problem(COLUMN)
+    found = solved(target, "base", mu)
+    stiffness = [(n * np.pi) ** 4 - found.control * (n * np.pi) ** 2 + 10 for n in (1, 2, 3, 4)]
+    exact = [value for k in stiffness for value in np.roots([1, 2, k])]
+    shown = [one for one in found.exponents if abs(one.value) < 100]
+    assert len(shown) >= 6 and any(abs(one.value) < 5 for one in shown)
+    assert all(min(abs(one.value - value) for value in exact) < max(10 * one.error, 1e-9) < 1e-5 for one in shown)
+    assert mu == 0 or found.stable == (mu < 0)
+
+
+COLUMN = """
+from sympy import Rational, symbols
+from derive import Problem, field
+
+s, t, P = symbols("s t P", real=True)
+u = field("u", s, t)
+problem = Problem(
+    name="column", space=s, interval=(0, 1), time=t, control=P, control_range=(0, 30), fields=(u,),
+    equations=(u.diff(t, 2) + 2 * u.diff(t) + u.diff(s, 4) + P * u.diff(s, 2) + 10 * u + 500 * u**3,),
+    boundary={0: (u, u.diff(s, 2)), 1: (u, u.diff(s, 2))}, base_state={u: 0}, normalisation=(u, Rational(1, 2)),
+)
+"""
+
+
+def test_a_branch_with_an_inner_layer_starts_where_a_coarse_grid_has_no_state():
+    """The threshold of twelve nodes is farther from the true one than the state that is asked for."""
+    found = solved(local("layer"), "branch", 1e-2)
+    assert found.peak == pytest.approx(found.predicted.peak, rel=1e-4) and found.stable
+    base = solved(local("layer"), "base", 1e-2)
+    assert abs(base.exponents[0].value - 0.00843522812) < 1e-7
+
+
 def test_whirling_of_the_filament_has_the_exponents_of_the_amplitude_equation():
     """Near onset: -2 gamma_r mu along the radius, alpha R^2 + 2 i Omega for the other sense, and 0 for the rotation."""
     result, found = result_of("follower_force"), solved("follower_force", "whirling", 1e-3)
@@ -116,7 +151,7 @@ def test_rows_by_component_about_an_oblique_axis_give_the_same_whirling():
     assert abs(one.peak - other.peak) < 1e-9 and abs(one.frequency - other.frequency) < 1e-7
 
 
-@pytest.mark.parametrize("target", ["swift_hohenberg", "van_der_pol", local("fisher"), local("vec_pitch"), local("pendulum_cart")])
+@pytest.mark.parametrize("target", ["swift_hohenberg", "van_der_pol", local("fisher"), local("vec_pitch"), local("pendulum_cart"), local("turing_brus"), local("robin"), local("weak_iso"), local("mass_matrix")])
 def test_the_coefficients_are_measured_on_the_full_problem(target):
     found = validate(text_of(target), derivation_of(target).emit(), result_of(target))
     assert found.agrees
