@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import floor, log10
 from typing import Any
 
@@ -265,13 +265,14 @@ def secondary_orbit(cycles: Cycles, before: FullState, after: FullState) -> Seco
     elements = harmonics if cycles.branch.form.motion.symmetric else 2 * harmonics
     found: list[tuple[float, Exponent]] = []
     for factor in (1.0, 1.25):
-        last = cycles.at(before.shape, int(nodes * factor), int(elements * factor))
+        solved = {one.control: cycles.at(one.shape, int(nodes * factor), int(elements * factor)) for one in (before, after)}
         kept: list[Exponent] = []
 
         def crossing(control: float) -> float:
-            nonlocal last
-            last = cycles.solve(replace(last.orbit, control=control))
-            every = cycles.exponents(last)
+            if control not in solved:
+                near = sorted(solved, key=lambda one: abs(one - control))
+                solved[control] = cycles.solve(cycles.predicted(solved[near[1]].orbit, solved[near[0]].orbit, control))
+            every = cycles.exponents(solved[control])
             kept[:] = [one for one in every if not one.neutral][rank:rank + 1]
             if not kept:
                 raise EvaluationError(f"{before.state} near control {control:.8g}: found too few exponents to locate the secondary bifurcation; ask for a smaller tolerance")
@@ -284,7 +285,7 @@ def secondary_orbit(cycles: Cycles, before: FullState, after: FullState) -> Seco
         values = [crossing(control) for control in ends]
         if values[0] * values[1] > 0:
             raise EvaluationError(f"{before.state} between controls {before.control:.8g} and {after.control:.8g}: found exponents that cross twice, or two resolutions that differ; follow a shorter range")
-        control = float(brentq(crossing, *ends, xtol=1e-9 * abs(ends[1]), rtol=1e-10))
+        control = float(brentq(crossing, *ends, xtol=1e-9 * abs(ends[1]), rtol=1e-9))
         crossing(control)
         found.append((control, kept[0]))
     (first, _), (control, critical) = found

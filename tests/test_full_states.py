@@ -151,7 +151,8 @@ def test_rows_by_component_about_an_oblique_axis_give_the_same_whirling():
     assert abs(one.peak - other.peak) < 1e-9 and abs(one.frequency - other.frequency) < 1e-7
 
 
-@pytest.mark.parametrize("target", ["swift_hohenberg", "van_der_pol", local("fisher"), local("vec_pitch"), local("pendulum_cart"), local("turing_brus"), local("robin"), local("weak_iso"), local("mass_matrix")])
+@pytest.mark.parametrize("target", ["swift_hohenberg", "van_der_pol", local("fisher"), local("vec_pitch"), local("pendulum_cart"), local("robin"), local("weak_iso"), local("exchange"),
+                                    pytest.param(local("turing_brus"), marks=pytest.mark.slow), pytest.param(local("mass_matrix"), marks=pytest.mark.slow)])
 def test_the_coefficients_are_measured_on_the_full_problem(target):
     found = validate(text_of(target), derivation_of(target).emit(), result_of(target))
     assert found.agrees
@@ -246,6 +247,19 @@ def test_the_hopf_bifurcation_of_lorenz_on_the_branch_of_the_pitchfork_is_locate
     assert len(found) == 1 and found[0].kind == "complex"
     assert abs(found[0].control - 470 / 19) < 1e-8 * 470 / 19
     assert abs(found[0].frequency - np.sqrt(8 / 3 * (10 + 470 / 19))) < 1e-6
+
+
+@pytest.mark.parametrize(("name", "state", "low", "high", "tolerance", "control", "kind", "frequency", "where"), [
+    ("exchange", "beating", 0.9, 1.05, 1e-8, 1.0, "real", 0.0, "out of plane"), ("exchange", "whirling", 0.9, 1.05, 1e-8, 1.0, "complex", 6.0, ""),
+    ("torus", "cycle", 0.49, 0.51, 1e-4, 0.5, "complex", 0.5, ""),  # extended in space: by collocation in time
+])
+def test_a_periodic_state_changes_stability_where_it_is_known_to(name, state, low, high, tolerance, control, kind, frequency, where):
+    target = local(name)
+    found = list(follow_branch(text_of(target), result_of(target), state, low, high, tolerance))
+    change = [one for one in found if isinstance(one, Secondary)]
+    assert [(one.kind, one.where) for one in change] == [(kind, where)]
+    assert abs(change[0].control - control) < 1e-8 and abs(change[0].frequency - frequency) < 1e-7
+    assert all(one.stable == ((one.control > control) == (state == "beating")) for one in found if not isinstance(one, Secondary))
 
 
 def test_a_branch_is_followed_around_its_fold(write_problem):
