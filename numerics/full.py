@@ -226,17 +226,35 @@ class Secondary:
 def follow_branch(text: str, result: Result, state: str, low: float, high: float, tolerance: float = 1e-6) -> Iterator[FullState | Secondary]:
     """Yield the states of a branch from mu = low to mu = high, with their stability, by pseudo-arclength, and the secondary bifurcations between them."""
     check_tolerance(tolerance)
-    branch = Branch(Full(rows=Rows(text), result=result), state)
+    full = Full(rows=Rows(text), result=result)
+    branch = Branch(full, state)
     if state in ("base", "undeformed"):
         for mu in np.linspace(low, high, 30):
             yield at_rest(branch, float(mu), time.perf_counter())
         return
-    if turning(branch):
-        yield from follow_orbits(Cycles(branch), low, high, tolerance)
+    if full.coefficient("A**2") and low * high < 0:  # through the threshold, where its amplitude vanishes
+        for one, other in ((low, low / 100), (high / 100, high)):
+            branch = Branch(full, state)
+            yield from follow_states(branch, branch.start(one), other, tolerance)
         return
-    current = branch.start(low)
-    started = time.perf_counter()
-    before = completed(branch, current, tolerance, started)
+    if not turning(branch) or low * high < 0:
+        yield from follow_states(branch, branch.start(low), high, tolerance)
+        return
+    last: FullState | Secondary | None = None
+    try:
+        for last in follow_orbits(Cycles(branch), low, high, tolerance):
+            yield last
+    except NotConverged:
+        if not isinstance(last, FullState):
+            raise
+        grid = branch.grid(last.nodes, last.harmonics)  # a fold: by pseudo-arclength
+        start = branch.at_control(grid, np.concatenate([grid.pack(last.shape), [last.shape.omega, last.control]]), last.control)
+        yield from follow_states(branch, start, high, tolerance)
+
+
+def follow_states(branch: Branch, current: Solution, high: float, tolerance: float) -> Iterator[FullState | Secondary]:
+    """Yield the states of a branch by pseudo-arclength, and its secondary bifurcations."""
+    before = completed(branch, current, tolerance, time.perf_counter())
     yield before
     for solution in branch.follow(current, branch.full.threshold + high, step=0.15, longest=0.15):
         started = time.perf_counter()

@@ -19,12 +19,17 @@ class NotConverged(EvaluationError):
     """Newton's method failed; the message says where and how."""
 
 
+def check_finite(values: Array) -> None:
+    """Refuse values of the rows outside the domain of the equations."""
+    if not np.all(np.isfinite(values)):
+        raise NotConverged("found values of the rows that are not finite; expected a state in the domain of the equations")
+
+
 class LeastSquares:
     """A least-squares solver that keeps its factor: normal equations with refinement, orthogonal where those are too ill-conditioned."""
 
     def __init__(self, matrix: Array) -> None:
-        if not np.all(np.isfinite(matrix)):
-            raise NotConverged("found values of the rows that are not finite; expected a state in the domain of the equations")
+        check_finite(matrix)
         if matrix.shape[0] < matrix.shape[1]:
             raise NotConverged("found a singular linearisation: fewer rows than unknowns")
         self.columns = np.linalg.norm(matrix, axis=0)
@@ -93,6 +98,7 @@ def system(grid: Discretisation, X: Array, conditions: Sequence[Condition]) -> A
     """Return the matrix of a Newton step; rows are scaled to unit size."""
     at = grid.linearise(X[:-2], X[-1], X[-2])
     matrix = at.matrix()
+    check_finite(matrix)
     others = np.stack([at.in_omega, at.in_control], axis=1)
     scale = at.scales(matrix, others)
     matrix = np.hstack([matrix, others]) * scale[:, None]
@@ -129,6 +135,7 @@ def newton(grid: Discretisation, X: Array, conditions: Sequence[Condition], widt
         at = grid.linearise(X[:-2], X[-1], X[-2])
         if solver is None:
             matrix = at.matrix()
+            check_finite(matrix)
             others = np.stack([at.in_omega, at.in_control], axis=1)
             scale = at.scales(matrix, others)
             matrix = np.hstack([matrix, others])[scale > 0] * scale[scale > 0, None]

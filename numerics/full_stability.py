@@ -9,7 +9,7 @@ exponent then comes once in a strip of the width of the frequency, which also se
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import eig
@@ -21,7 +21,7 @@ from numerics.full_states import MAX_HARMONICS, MAX_NODES, Branch
 from numerics.precision import EvaluationError
 
 DENSE = 420
-COUNT = 10
+COUNT, FEWEST = 10, 3
 RESIDUAL = 1e-6
 
 
@@ -145,6 +145,8 @@ def class_spectrum(at: Linearisation, grid: Discretisation, search: Search) -> A
         inside = np.abs(values.imag) <= strip / 2 * (1 + 1e-9)
         values, vectors = values[inside], vectors[:, inside]
     values = values[genuine(parts, grid, sigma, values, vectors)]
+    if strip and len(values) < FEWEST and grid.size > DENSE and search.count < 4 * COUNT:  # the nearest are copies of one exponent
+        return class_spectrum(at, grid, replace(search, count=2 * search.count))
     return values[ordered(values)]
 
 
@@ -254,7 +256,7 @@ def agreed(fine: Sequence[Class], coarse: Sequence[Class], scale: float) -> tupl
     """Return the exponents that two resolutions share, by class, and the largest change of those that decide.
 
     Those are the ones that grow and the three next that are not much faster than the slowest ones: no resolution settles all modes of a beam that decay alike.
-    One that grows and is found by one resolution only counts as an infinite change.
+    One that grows and is found by one resolution only counts as an infinite change; one that decays must be found by the coarser one too.
     """
     kept, worst = [], 0.0
     for now, before in zip(fine, coarse, strict=True):
@@ -264,11 +266,10 @@ def agreed(fine: Sequence[Class], coarse: Sequence[Class], scale: float) -> tupl
         same = change < 1e-4 * (np.abs(new) + scale)
         growing = new.real > 1e-5 * scale
         missed = not same.any() or (growing & ~same).any() or ((old.real > 1e-5 * scale) & (lost > 1e-4 * (np.abs(old) + scale))).any()
-        new, change, growing = new[same], change[same], growing[same]
         reach = 10 * max(scale, float(np.sort(np.abs(new))[:3].max(initial=0.0)))
         next_ones = np.flatnonzero(~growing & (np.abs(new) < reach))[:3]
         worst = max(worst, np.inf if missed else float(np.concatenate([change[growing], change[next_ones]]).max(initial=0.0)))
-        kept.append(Class(kind=now.kind, values=new, errors=change))
+        kept.append(Class(kind=now.kind, values=new[same], errors=change[same]))
     return kept, worst
 
 

@@ -376,6 +376,9 @@ class Branch:
                 return
             before, previous, current = tangent, current, found
             yield current
+            mus = [one - self.full.threshold for one in (start.control, current.control, target)]
+            if mus[0] * mus[2] > 0 and mus[1] * mus[2] < 0 and abs(mus[1]) > 2 * self.reach:
+                raise NotConverged(f"{self.state}: the branch turns and leads away from control {target:.8g}; it is at {current.control:.8g}: ask for a range on the other side")
         raise NotConverged(f"{self.state}: the branch did not reach control {target:.8g} in {points} steps; it is at {current.control:.8g}")
 
     def backwards(self, start: Solution, tangent: Array, target: float) -> bool:
@@ -462,12 +465,13 @@ def tails(rows: Rows, solution: Solution) -> tuple[float, float]:
 
 
 def field_tails(rows: Rows, state: State) -> tuple[float, float]:
-    """Return the size of the last coefficients in space and in time, against the largest of the field."""
+    """Return the size of the last coefficients in space and in time, against the largest of the field; a field that is rounding beside the others has no say."""
     space = time = 0.0
+    largest = max(float(np.abs(values).max()) for values in state.coefficients)
     for field in sorted(set(rows.field)):
         members = [k for k in range(rows.count) if rows.field[k] == field]
         size = max(float(np.abs(state.coefficients[k]).max()) for k in members)
-        if size < 1e-14:
+        if size <= max(1e-14, 1e-11 * largest):
             continue
         for k in members:
             values = np.abs(state.coefficients[k])

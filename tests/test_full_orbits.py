@@ -76,6 +76,11 @@ def test_a_growing_exponent_found_by_one_resolution_only_is_not_missed():
     assert agreed(fine, fine, 1.0)[1] == 0.0
 
 
+def test_the_leading_exponent_is_not_dropped_where_the_coarser_resolution_misses_it():
+    fine, coarse = ([Class(kind="", values=np.array(values, dtype=complex), errors=np.zeros(len(values)))] for values in ([0.0, -1.0, -7.0], [0.0, -7.0]))
+    assert agreed(fine, coarse, 1.0)[1] >= 1
+
+
 def test_points_for_the_diagram_lie_on_the_branch():
     target = local("fisher")
     points = measured_points(emit_residual(load_problem(target)), result_of(target), 0.1, 1)

@@ -273,6 +273,34 @@ def test_a_branch_is_followed_around_its_fold(write_problem):
     assert len(fold) == 1 and fold[0].kind == "real"
 
 
+def test_a_transcritical_branch_is_followed_through_the_threshold(write_problem):
+    target = write_problem(FOLD.replace("u**3 + u**5", "u**2").replace('name="fold"', 'name="logistic"'))
+    states = list(follow_branch(text_of(target), result_of(target), "branch", -0.1, 0.2, 1e-8))
+    assert states[0].mu == pytest.approx(-0.1) and states[-1].mu == pytest.approx(0.2) and not any(isinstance(one, Secondary) for one in states)
+    assert all(abs(one.peak - abs(one.mu)) < 1e-12 and one.stable == (one.mu > 0) for one in states)
+
+
+def test_a_field_that_vanishes_on_the_branch_does_not_hold_it_up():
+    """The clamped elastica is four quarters: sqrt(P) / 4 = K(k), and its middle moves by 4 k / sqrt(P)."""
+    found = solved(local("strut"), "branch", 21.0)
+    k = found.peak * np.sqrt(found.control) / 4
+    assert abs((4 * ellipk(k**2)) ** 2 - found.control) < 1e-8 * found.control
+
+
+@pytest.mark.slow
+def test_an_orbit_extended_in_space_is_followed_around_its_fold():
+    """Found by collocation up to the fold, by harmonic balance around it; the frequency is 2 throughout."""
+    target = local("subhopf")
+    states = []
+    with pytest.raises(EvaluationError, match="leads away from control"):
+        for one in follow_branch(text_of(target), result_of(target), "cycle", -0.15, -0.3, 1e-6):
+            states.append(one)  # noqa: PERF402  (what was found before the refusal)
+    fold = [one for one in states if isinstance(one, Secondary)]
+    assert len(fold) == 1 and abs(fold[0].mu + 0.22478624) < 1e-6
+    orbits = [one for one in states if not isinstance(one, Secondary)]
+    assert all(abs(one.frequency - 2) < 1e-8 and one.stable == (one.peak > 0.79) for one in orbits)
+
+
 FOLD = """
 from sympy import Symbol
 from derive import Problem, field
