@@ -24,6 +24,7 @@ class Cycles:
     def __init__(self, branch: Branch) -> None:
         self.branch = branch
         self.made: dict[int, tuple[Space, Space | None]] = {}
+        self.sufficed = (0, 0)  # nodes and elements from which the last state was confirmed: the next one on the branch starts there
 
     def spaces(self, nodes: int) -> tuple[Space, Space | None]:
         """Return the coefficients in the plane of the motion, and out of it if the motion has one."""
@@ -119,6 +120,9 @@ class Cycles:
         if floor > tolerance:
             raise EvaluationError(f"tolerance: found {tolerance:.0e}; expected at least {floor:.0e} at this distance from the threshold, by the rounding of the control")
         found = self.resolved(found, max(1e-8, min(1e-4, 1e3 * tolerance)))
+        nodes, elements = max(found.orbit.space.grid.nodes, self.sufficed[0]), max(found.orbit.elements, self.sufficed[1])
+        if (nodes, elements) != (found.orbit.space.grid.nodes, found.orbit.elements):
+            found = self.at(found.orbit.state, nodes, elements)
         exponents = self.exponents(found)
         while True:
             orbit = found.orbit
@@ -132,6 +136,7 @@ class Cycles:
             change = exponent_change(exponents, now) / max(abs(orbit.omega), 1e-300)
             found, exponents = finer, with_errors(exponents, now)
             if error < tolerance / 2 and change < max(1e-6, tolerance):
+                self.sufficed = (orbit.space.grid.nodes, orbit.elements)
                 return found, max(error, floor), exponents, change * abs(orbit.omega)
 
     def distance(self, one: Orbit, other: Orbit) -> float:

@@ -144,6 +144,8 @@ class Discretisation:
         self.shapes = tuple((null.shape[1], len(group.waves(self.harmonics))) for null, group in zip(self.null, self.groups, strict=True))
         self.sizes = tuple(a * b for a, b in self.shapes)
         self.size = sum(self.sizes)
+        self.last_maps: dict[tuple[int, str, str], tuple[float, dict[int, Array]]] = {}
+        self.last_base: dict[str, tuple[float, Array, Array]] = {}
         self.clocks = tuple(tuple(time_basis(self.harmonics, self.times, order)[:, group.waves(self.harmonics)] for order in range(3)) for group in self.groups)
 
     def points(self, site: str) -> Array:
@@ -232,7 +234,10 @@ class Discretisation:
         return [(-weight * factor, self.partner(k), 0)] if dt == 1 else [(-factor, k, 0)]
 
     def maps(self, g: int, site: str, omega: float, part: str) -> dict[int, Array]:
-        """Return {order of the time basis: (points, jets, coefficients)} of one group."""
+        """Return {order of the time basis: (points, jets, coefficients)} of one group, kept as long as the frequency stays the same."""
+        known = self.last_maps.get((g, site, part))
+        if known is not None and known[0] == omega:
+            return known[1]
         made: dict[int, Array] = {}
         for j, jet in enumerate(self.rows.jets):
             for factor, k, order in self.terms(jet, omega, part):
@@ -241,7 +246,15 @@ class Discretisation:
                     if order not in made:
                         made[order] = np.zeros((matrix.shape[0], len(self.rows.jets), self.shapes[g][0]))
                     made[order][:, j] += factor * matrix
+        self.last_maps[g, site, part] = (omega, made)
         return made
+
+    def base(self, site: str, control: float) -> tuple[Array, Array]:
+        """Return the jets of the base state at the points of a site, and their derivative, kept as long as the control stays the same."""
+        known = self.last_base.get(site)
+        if known is None or known[0] != control:
+            known = self.last_base[site] = (control, *self.rows.base(self.points(site), control))
+        return known[1:]
 
     def split(self, y: Array) -> list[Array]:
         """Return the coefficients of each group, shape (space, harmonics)."""
@@ -265,7 +278,7 @@ class Discretisation:
         for site in self.sites:
             keep = self.kept(site)
             s = self.points(site)
-            base, base_slope = self.rows.base(s, control)
+            base, base_slope = self.base(site, control)
             jets = base[:, :, None] + self.deviation(y, site, omega)
             value, partial, slope = self.rows.evaluate(site, s, control, jets)
             value, partial, slope = value[:, keep], partial[:, keep], slope[:, keep]

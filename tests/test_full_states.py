@@ -291,14 +291,21 @@ def test_a_field_that_vanishes_on_the_branch_does_not_hold_it_up():
 def test_an_orbit_extended_in_space_is_followed_around_its_fold():
     """Found by collocation up to the fold, by harmonic balance around it; the frequency is 2 throughout."""
     target = local("subhopf")
-    states = []
-    with pytest.raises(EvaluationError, match="leads away from control"):
-        for one in follow_branch(text_of(target), result_of(target), "cycle", -0.15, -0.3, 1e-6):
-            states.append(one)  # noqa: PERF402  (what was found before the refusal)
-    fold = [one for one in states if isinstance(one, Secondary)]
-    assert len(fold) == 1 and abs(fold[0].mu + 0.22478624) < 1e-6
-    orbits = [one for one in states if not isinstance(one, Secondary)]
-    assert all(abs(one.frequency - 2) < 1e-8 and one.stable == (one.peak > 0.79) for one in orbits)
+    fold: list[Secondary] = []
+    for one in follow_branch(text_of(target), result_of(target), "cycle", -0.2, -0.3, 1e-6):
+        if isinstance(one, Secondary):
+            fold.append(one)
+            continue
+        assert abs(one.frequency - 2) < 1e-8 and one.stable == bool(fold)
+        if fold:
+            break
+    assert len(fold) == 1 and abs(fold[0].mu + 0.22478624) < 1e-6 and fold[0].kind == "real"
+
+
+def test_a_branch_that_turns_before_the_control_asked_for_is_refused(write_problem):
+    target = write_problem(FOLD)
+    with pytest.raises(EvaluationError, match="turns and leads away from control -0.3"):
+        list(follow_branch(text_of(target), result_of(target), "branch", -0.05, -0.3, 1e-6))
 
 
 FOLD = """
