@@ -111,7 +111,7 @@ def truncation(grid: Discretisation, vector: Array) -> float:
     for field in sorted(set(grid.rows.field)):
         members = [size for size, belongs in zip(sizes, grid.rows.field, strict=True) if belongs == field]
         largest = max(float(size.max()) for size in members)
-        if largest <= 1e-12 * max(float(size.max()) for size in sizes):
+        if largest <= 1e-8 * max(float(size.max()) for size in sizes):  # rounding, amplified where a multiplier is found from the rows alone
             continue
         for size in members:
             if grid.rows.spatial:

@@ -118,6 +118,14 @@ problem = Problem(
 """
 
 
+@pytest.mark.parametrize("mu", [-0.1, 0.1])
+def test_rounding_in_a_multiplier_does_not_hide_a_double_growth_rate(mu):
+    """d' = d_ss - L d - P k with |d| = 1: the modes sin((n + 1/2) pi s) across the axis grow with P - ((n + 1/2) pi)^2, each twice."""
+    found = solved(local("buckle_pinned_tw"), "base", mu)
+    exact = [found.control - ((n + 0.5) * np.pi) ** 2 for n in (0, 0, 1, 1, 2, 2)]
+    assert np.allclose([one.value for one in found.exponents[:6]], exact, atol=1e-8) and found.stable == (mu < 0)
+
+
 def test_a_branch_with_an_inner_layer_starts_where_a_coarse_grid_has_no_state():
     """The threshold of twelve nodes is farther from the true one than the state that is asked for."""
     found = solved(local("layer"), "branch", 1e-2)
