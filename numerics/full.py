@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import floor, log10
 from typing import Any
 
@@ -16,8 +16,8 @@ from numerics.full_cycles import Cycles
 from numerics.full_newton import Condition, NotConverged, Solution, newton
 from numerics.full_orbit import Found
 from numerics.full_rows import Rows, State
-from numerics.full_stability import Exponent, exponents_of, settled_exponents
-from numerics.full_states import MAX_NODES, Branch, Full, Prediction, peak_of
+from numerics.full_stability import Exponent, exponents_of, resting_exponents, settled_exponents
+from numerics.full_states import Branch, Full, Prediction, peak_of
 from numerics.precision import EvaluationError
 
 SHOWN = 8
@@ -66,7 +66,7 @@ class FullState:
         return {
             "state": self.state, "mu": decimal(self.mu, 0.0), "control": decimal(self.control, 0.0), "peak": decimal(self.peak, self.error), "frequency": frequency,
             "predicted": {"peak": decimal(predicted.peak, 0.0), "frequency": None if predicted.frequency is None else decimal(predicted.frequency, 0.0)} if predicted else None,
-            "exponents": [{"re": placed(one.value.real, self.exponent_error), "im": placed(one.value.imag, self.exponent_error), "kind": one.kind} for one in self.exponents[:SHOWN]],
+            "exponents": [{"re": placed(one.value.real, one.error), "im": placed(one.value.imag, one.error), "kind": one.kind} for one in self.exponents[:SHOWN]],
             "exponent_error": f"{self.exponent_error:.1e}", "stable": self.stable, "error": f"{self.error:.1e}", "resolution": {"nodes": self.nodes, "harmonics": self.harmonics, "residual": f"{self.residual:.1e}"},
             "seconds": round(self.seconds, 4),
         }
@@ -87,7 +87,7 @@ class FullState:
         if self.frequency is not None:
             lines.append(f"  frequency  {decimal(self.frequency, self.error)}" + (f"   amplitude equation {predicted.frequency:.8g}" if predicted and predicted.frequency else ""))
         for one in self.exponents[:SHOWN]:
-            lines.append(f"  exponent   {one.value.real:+.9g} {one.value.imag:+.9g}i" + (f"   {one.kind}" if one.kind else ""))
+            lines.append(f"  exponent   {placed(one.value.real, one.error)} {'-' if one.value.imag < 0 else '+'} {placed(abs(one.value.imag), one.error)}i" + (f"   {one.kind}" if one.kind else ""))
         harmonics = f", {self.harmonics} harmonics" if self.harmonics else ""
         lines.append(f"  relative error {self.error:.1e}, of the exponents {self.exponent_error:.1e} (absolute), {self.nodes} nodes" + harmonics + f", {self.seconds:.2f} s")
         return "\n".join(lines)
@@ -103,8 +103,10 @@ def decimal(value: float, error: float) -> str:
 
 
 def placed(value: float, error: float) -> str:
-    """Return a number with the places that its absolute error allows."""
-    return f"{value:.{min(16, max(0, floor(-log10(max(error, 1e-16)))))}f}"
+    """Return a number with the places that its absolute error allows, and at most thirteen digits."""
+    places = floor(-log10(max(error, 1e-13 * abs(value), 1e-16)))
+    written = f"{value:.{min(16, max(0, places))}f}"
+    return written if float(written) else written.lstrip("-")
 
 
 def solve_state(text: str, result: Result, state: str, mu: float, tolerance: float = 1e-10) -> FullState:
@@ -177,32 +179,12 @@ def check_tolerance(tolerance: float) -> None:
 def at_rest(branch: Branch, mu: float, started: float) -> FullState:
     """Return the base state with its growth rates, at a resolution that changes them no more."""
     full = branch.full
-    control, nodes = full.threshold + mu, 20
-    found: tuple[Exponent, ...] = ()
-    while True:
-        grid = branch.grid(nodes, 0)
-        before, found = found, exponents_of(branch, grid, np.zeros(grid.size), control, 0.0)
-        error = drift(before, found)
-        if error < 1e-8 or grid.nodes == 1:
-            break
-        nodes += nodes // 4
-        if nodes > MAX_NODES:
-            raise EvaluationError(f"{branch.state} at control {control:.8g}: found leading growth rates that still change by {error:.1e} at {grid.nodes} nodes; expected them to settle")
-    scale = max((abs(one.value) for one in found[:2]), default=1.0)
+    control = full.threshold + mu
+    exponents, error, grid = resting_exponents(branch, control)
     return FullState(
-        state=branch.state, mu=mu, control=control, peak=0.0, frequency=None, predicted=full.predict(branch.state, mu), exponents=found, exponent_error=(1e-12 if grid.nodes == 1 else error) * scale,
-        error=0.0 if grid.nodes == 1 else error, nodes=grid.nodes,
+        state=branch.state, mu=mu, control=control, peak=0.0, frequency=None, predicted=full.predict(branch.state, mu), exponents=exponents, exponent_error=error, error=0.0, nodes=grid.nodes,
         harmonics=0, residual=0.0, seconds=time.perf_counter() - started, shape=grid.unpack(np.zeros(grid.size), control, 0.0),
     )
-
-
-def drift(before: tuple[Exponent, ...], after: tuple[Exponent, ...]) -> float:
-    """Return the relative change of the leading exponents."""
-    if not before or not after:
-        return float("inf")
-    pairs = list(zip(before[:2], after[:2], strict=False))
-    scale = max(abs(one.value) for one in after[:2])
-    return max(abs(one.value - other.value) for one, other in pairs) / max(scale, 1e-300)
 
 
 def completed(branch: Branch, start: Solution, tolerance: float, started: float) -> FullState:
@@ -244,17 +226,35 @@ class Secondary:
 def follow_branch(text: str, result: Result, state: str, low: float, high: float, tolerance: float = 1e-6) -> Iterator[FullState | Secondary]:
     """Yield the states of a branch from mu = low to mu = high, with their stability, by pseudo-arclength, and the secondary bifurcations between them."""
     check_tolerance(tolerance)
-    branch = Branch(Full(rows=Rows(text), result=result), state)
+    full = Full(rows=Rows(text), result=result)
+    branch = Branch(full, state)
     if state in ("base", "undeformed"):
         for mu in np.linspace(low, high, 30):
             yield at_rest(branch, float(mu), time.perf_counter())
         return
-    if turning(branch):
-        yield from follow_orbits(Cycles(branch), low, high, tolerance)
+    if full.coefficient("A**2") and low * high < 0:  # through the threshold, where its amplitude vanishes
+        for one, other in ((low, low / 100), (high / 100, high)):
+            branch = Branch(full, state)
+            yield from follow_states(branch, branch.start(one), other, tolerance)
         return
-    current = branch.start(low)
-    started = time.perf_counter()
-    before = completed(branch, current, tolerance, started)
+    if not turning(branch) or low * high < 0:
+        yield from follow_states(branch, branch.start(low), high, tolerance)
+        return
+    last: FullState | Secondary | None = None
+    try:
+        for last in follow_orbits(Cycles(branch), low, high, tolerance):
+            yield last
+    except NotConverged:
+        if not isinstance(last, FullState):
+            raise
+        grid = branch.grid(last.nodes, last.harmonics)  # a fold: by pseudo-arclength
+        start = branch.at_control(grid, np.concatenate([grid.pack(last.shape), [last.shape.omega, last.control]]), last.control)
+        yield from follow_states(branch, start, high, tolerance)
+
+
+def follow_states(branch: Branch, current: Solution, high: float, tolerance: float) -> Iterator[FullState | Secondary]:
+    """Yield the states of a branch by pseudo-arclength, and its secondary bifurcations."""
+    before = completed(branch, current, tolerance, time.perf_counter())
     yield before
     for solution in branch.follow(current, branch.full.threshold + high, step=0.15, longest=0.15):
         started = time.perf_counter()
@@ -283,13 +283,14 @@ def secondary_orbit(cycles: Cycles, before: FullState, after: FullState) -> Seco
     elements = harmonics if cycles.branch.form.motion.symmetric else 2 * harmonics
     found: list[tuple[float, Exponent]] = []
     for factor in (1.0, 1.25):
-        last = cycles.at(before.shape, int(nodes * factor), int(elements * factor))
+        solved = {one.control: cycles.at(one.shape, int(nodes * factor), int(elements * factor)) for one in (before, after)}
         kept: list[Exponent] = []
 
         def crossing(control: float) -> float:
-            nonlocal last
-            last = cycles.solve(replace(last.orbit, control=control))
-            every = cycles.exponents(last)
+            if control not in solved:
+                near = sorted(solved, key=lambda one: abs(one - control))
+                solved[control] = cycles.solve(cycles.predicted(solved[near[1]].orbit, solved[near[0]].orbit, control))
+            every = cycles.exponents(solved[control])
             kept[:] = [one for one in every if not one.neutral][rank:rank + 1]
             if not kept:
                 raise EvaluationError(f"{before.state} near control {control:.8g}: found too few exponents to locate the secondary bifurcation; ask for a smaller tolerance")
@@ -302,7 +303,7 @@ def secondary_orbit(cycles: Cycles, before: FullState, after: FullState) -> Seco
         values = [crossing(control) for control in ends]
         if values[0] * values[1] > 0:
             raise EvaluationError(f"{before.state} between controls {before.control:.8g} and {after.control:.8g}: found exponents that cross twice, or two resolutions that differ; follow a shorter range")
-        control = float(brentq(crossing, *ends, xtol=1e-9 * abs(ends[1]), rtol=1e-10))
+        control = float(brentq(crossing, *ends, xtol=1e-9 * abs(ends[1]), rtol=1e-9))
         crossing(control)
         found.append((control, kept[0]))
     (first, _), (control, critical) = found

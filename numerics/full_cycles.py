@@ -10,7 +10,7 @@ import numpy as np
 from numerics.full_newton import NotConverged
 from numerics.full_orbit import Found, Orbit, Space, orbit_from, solve_orbit
 from numerics.full_rows import Array, State
-from numerics.full_stability import Exponent, labelled
+from numerics.full_stability import Class, Exponent, labelled, ordered
 from numerics.full_states import Branch, field_tails, peak_of
 from numerics.precision import EvaluationError
 
@@ -24,6 +24,7 @@ class Cycles:
     def __init__(self, branch: Branch) -> None:
         self.branch = branch
         self.made: dict[int, tuple[Space, Space | None]] = {}
+        self.sufficed = (0, 0)  # nodes and elements from which the last state was confirmed: the next one on the branch starts there
 
     def spaces(self, nodes: int) -> tuple[Space, Space | None]:
         """Return the coefficients in the plane of the motion, and out of it if the motion has one."""
@@ -119,6 +120,9 @@ class Cycles:
         if floor > tolerance:
             raise EvaluationError(f"tolerance: found {tolerance:.0e}; expected at least {floor:.0e} at this distance from the threshold, by the rounding of the control")
         found = self.resolved(found, max(1e-8, min(1e-4, 1e3 * tolerance)))
+        nodes, elements = max(found.orbit.space.grid.nodes, self.sufficed[0]), max(found.orbit.elements, self.sufficed[1])
+        if (nodes, elements) != (found.orbit.space.grid.nodes, found.orbit.elements):
+            found = self.at(found.orbit.state, nodes, elements)
         exponents = self.exponents(found)
         while True:
             orbit = found.orbit
@@ -130,8 +134,9 @@ class Cycles:
             error = self.distance(orbit, finer.orbit)
             now = self.exponents(finer)
             change = exponent_change(exponents, now) / max(abs(orbit.omega), 1e-300)
-            found, exponents = finer, now
+            found, exponents = finer, with_errors(exponents, now)
             if error < tolerance / 2 and change < max(1e-6, tolerance):
+                self.sufficed = (orbit.space.grid.nodes, orbit.elements)
                 return found, max(error, floor), exponents, change * abs(orbit.omega)
 
     def distance(self, one: Orbit, other: Orbit) -> float:
@@ -154,14 +159,19 @@ class Cycles:
         classes = [("in plane" if planar else "", self.rates(found, inside))]
         if outside is not None:
             classes.append(("out of plane", self.rates(found, outside)))
-        return labelled(self.branch, classes, orbit.omega)
+        return labelled(self.branch, [Class(kind=kind, values=values, errors=np.zeros(len(values))) for kind, values in classes], orbit.omega)
 
     def rates(self, found: Found, space: Space) -> Array:
         """Return the exponents of a class of disturbances that are legible, sorted from the most dangerous."""
         orbit = found.orbit
         multipliers = found.multipliers(orbit.space if space.size == orbit.space.size and space is self.spaces(space.grid.nodes)[0] else space).astype(complex)
         values = np.log(multipliers[np.abs(multipliers) > FAINTEST]) * orbit.omega / orbit.span
-        return values[np.lexsort((-values.imag, np.round(-values.real, 9)))]
+        return values[ordered(values)]
+
+
+def with_errors(before: tuple[Exponent, ...], after: tuple[Exponent, ...]) -> tuple[Exponent, ...]:
+    """Return the exponents with their changes."""
+    return tuple(replace(one, error=float(min((abs(one.value - other.value) for other in before if other.kind == one.kind), default=np.inf))) for one in after)
 
 
 def exponent_change(before: tuple[Exponent, ...], after: tuple[Exponent, ...]) -> float:

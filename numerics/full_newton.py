@@ -19,12 +19,19 @@ class NotConverged(EvaluationError):
     """Newton's method failed; the message says where and how."""
 
 
+def check_finite(values: Array) -> None:
+    """Refuse values of the rows outside the domain of the equations."""
+    if not np.all(np.isfinite(values)):
+        raise NotConverged("found values of the rows that are not finite; expected a state in the domain of the equations")
+
+
 class LeastSquares:
     """A least-squares solver that keeps its factor: normal equations with refinement, orthogonal where those are too ill-conditioned."""
 
     def __init__(self, matrix: Array) -> None:
-        if not np.all(np.isfinite(matrix)):
-            raise NotConverged("found values of the rows that are not finite; expected a state in the domain of the equations")
+        check_finite(matrix)
+        if matrix.shape[0] < matrix.shape[1]:
+            raise NotConverged("found a singular linearisation: fewer rows than unknowns")
         self.columns = np.linalg.norm(matrix, axis=0)
         self.columns[self.columns == 0] = 1.0
         self.matrix = matrix / self.columns
@@ -91,8 +98,10 @@ def system(grid: Discretisation, X: Array, conditions: Sequence[Condition]) -> A
     """Return the matrix of a Newton step; rows are scaled to unit size."""
     at = grid.linearise(X[:-2], X[-1], X[-2])
     matrix = at.matrix()
-    scale = at.scales(matrix)
-    matrix = np.hstack([matrix, at.in_omega[:, None], at.in_control[:, None]]) * scale[:, None]
+    check_finite(matrix)
+    others = np.stack([at.in_omega, at.in_control], axis=1)
+    scale = at.scales(matrix, others)
+    matrix = np.hstack([matrix, others]) * scale[:, None]
     return np.vstack([matrix, [condition.row / np.linalg.norm(condition.row) for condition in conditions]])
 
 
@@ -126,8 +135,10 @@ def newton(grid: Discretisation, X: Array, conditions: Sequence[Condition], widt
         at = grid.linearise(X[:-2], X[-1], X[-2])
         if solver is None:
             matrix = at.matrix()
-            scale = at.scales(matrix)
-            matrix = np.hstack([matrix, at.in_omega[:, None], at.in_control[:, None]])[scale > 0] * scale[scale > 0, None]
+            check_finite(matrix)
+            others = np.stack([at.in_omega, at.in_control], axis=1)
+            scale = at.scales(matrix, others)
+            matrix = np.hstack([matrix, others])[scale > 0] * scale[scale > 0, None]
             extra = np.array([condition.row / np.linalg.norm(condition.row) for condition in conditions]).reshape(-1, len(X))
             solver = LeastSquares(np.vstack([matrix, extra])[:, free])
             factors += 1

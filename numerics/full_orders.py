@@ -17,6 +17,7 @@ from numerics.full_states import Full
 from numerics.motion import ORDERS, Scene, Shapes, fast_phase, motion_of, shapes_of
 
 NODES = 33
+EPS = 4 * float(np.finfo(float).eps)
 FACTOR = 4.0
 SLACK = 0.05
 WEIGHTS = (  # at the centre of nine instants: value, first and second derivative
@@ -48,32 +49,38 @@ class ResidualOrder:
         return f"  residual of the expansion to order {self.order:3} ~ {slope}, derived mu^{self.derived:g}{'' if self.agrees else '  DISAGREES'}"
 
 
-def residual_orders(full: Full, emitted: str, mu: float) -> tuple[ResidualOrder, ...]:
-    """Return the orders of the residual, from the distances mu and mu/4 from the threshold, for a motion of no special shape."""
+def residual_orders(full: Full, emitted: str, mu: float, nodes: int = NODES) -> tuple[ResidualOrder, ...]:
+    """Return the orders of the residual, from the distances mu and mu/4 from the threshold, for a motion of no special shape; farther where they show rounding only."""
     quadratic = bool(full.coefficient("A**2"))
     found = []
     for order in ("1",) if quadratic else ORDERS:
-        sizes = [residual_of(full, emitted, one, order) for one in (mu, mu / FACTOR)]
-        resolved = sizes[1][0] > 10 * sizes[1][1]
-        slope = float(np.log(sizes[0][0] / sizes[1][0]) / np.log(FACTOR)) if resolved else np.inf
-        found.append(ResidualOrder(order=order, derived=2.0 if quadratic else {"1/2": 1.0, "1": 1.5}[order], measured=slope, largest=sizes[0][0]))
+        derived = 2.0 if quadratic else {"1/2": 1.0, "1": 1.5}[order]
+        slope, largest = np.inf, 0.0
+        for factor in (1.0, FACTOR**-2, FACTOR, FACTOR**2):  # nearer where the next orders are in the way, farther where it is rounding
+            (size, _), (nearer, noise) = (residual_of(full, emitted, factor * one, order, nodes) for one in (mu, mu / FACTOR))
+            if nearer > 10 * noise and not derived - SLACK < slope < np.inf:
+                slope, largest = float(np.log(size / nearer) / np.log(FACTOR)), size
+            if derived - SLACK < slope < np.inf:
+                break
+        found.append(ResidualOrder(order=order, derived=derived, measured=slope, largest=largest))
     return tuple(found)
 
 
 def initial_amplitude(full: Full, mu: float) -> tuple[complex, ...]:
     """Return an amplitude of the size of that of the states at mu, of no special shape."""
     states = [state for state in full.states if state not in ("base", "undeformed")]
-    size = abs(full.predict(states[-1], mu).amplitude)
+    amplitude = full.predict(states[-1], mu).amplitude  # negative where a transcritical branch is: on the other side nothing saturates
     if not full.vector:
-        return (size * (0.8 + 0.3j) if full.hopf else complex(0.8 * size),)
+        return (amplitude * (0.8 + 0.3j) if full.hopf else complex(0.8 * amplitude),)
+    size = abs(amplitude)
     return (0.8 * size + 0j, size * (0.2 + 0.4j) if full.hopf else complex(0.3 * size))
 
 
-def residual_of(full: Full, emitted: str, mu: float, order: str) -> tuple[float, float]:
+def residual_of(full: Full, emitted: str, mu: float, order: str, nodes: int) -> tuple[float, float]:
     """Return the largest residual of any row at one instant of a motion, and the size of its rounding; each row by its largest coefficient at the base state."""
     rows, omega = full.rows, full.frequency
     left, right = rows.INTERVAL if rows.spatial else (0.0, 1.0)
-    places = left + (right - left) * (1 - np.cos(np.pi * np.arange(NODES) / (NODES - 1))) / 2 if rows.spatial else np.zeros(1)
+    places = left + (right - left) * (1 - np.cos(np.pi * np.arange(nodes) / (nodes - 1))) / 2 if rows.spatial else np.zeros(1)
     rate = max(omega, abs(full.coefficient("mu*A") * mu))
     step = 2 * np.pi / rate / 400 if omega else 0.02 / rate
     times = 75 * step + step * np.arange(-4, 5)
@@ -82,10 +89,16 @@ def residual_of(full: Full, emitted: str, mu: float, order: str) -> tuple[float,
     values = components(full, shapes, shapes.at(motion.amplitude(times), fast_phase(full.result.threshold.frequency, times)))
     unit = 2 * (places - left) / (right - left) - 1
     jets = np.empty((len(places), len(rows.jets), 1))
+    rounding = np.empty((len(rows.jets), 1))
     for j, (k, ds, dt) in enumerate(rows.jets):
         value = np.tensordot(WEIGHTS[dt] / step**dt, values[k], axes=1)
+        rounding[j] = EPS * float(np.abs(values[k]).max() * np.abs(WEIGHTS[dt]).sum()) / step**dt
         if ds:
-            value = chebyshev.chebval(unit, chebyshev.chebder(chebyshev.chebfit(unit, value, NODES - 1), ds)) * (2 / (right - left)) ** ds
+            series = chebyshev.chebfit(unit, value, nodes - 1)
+            series = series[:int(np.flatnonzero(np.abs(series) >= rounding[j])[-1]) + 1] if np.any(np.abs(series) >= rounding[j]) else series[:1]
+            stretch = (2 / (right - left)) ** ds
+            value = chebyshev.chebval(unit, chebyshev.chebder(series, ds)) * stretch
+            rounding[j] *= stretch * slope_at_end(len(series), ds)
         jets[:, j, 0] = value
     worst, noise = 0.0, 0.0
     for site in (site for site in SITES if rows.USES.get(site)):
@@ -95,8 +108,14 @@ def residual_of(full: Full, emitted: str, mu: float, order: str) -> tuple[float,
         scale = np.abs(rows.evaluate(site, places[where], full.threshold, still)[2]).max(axis=(0, 2, 3))
         scale[scale == 0] = 1.0
         worst = max(worst, float((np.abs(found[..., 0]) / scale).max()))
-        noise = max(noise, 1e-14 * float(((np.abs(slopes[:, :, 0] * jets[where][:, None, :, 0])).sum(axis=2) / scale).max()))
+        noise = max(noise, float(((np.abs(slopes[:, :, 0]) @ rounding)[..., 0] / scale).max()))
     return worst, noise
+
+
+def slope_at_end(count: int, order: int) -> float:
+    """Return the root of the sum of squares of the derivatives, at 1, of the first Chebyshev polynomials: how much independent errors of the coefficients grow."""
+    k = np.arange(count, dtype=float)
+    return float(np.linalg.norm(np.prod([(k**2 - j**2) / (2 * j + 1) for j in range(order)], axis=0)))
 
 
 def components(full: Full, shapes: Shapes, fields: dict[str, Array]) -> list[Array]:

@@ -144,6 +144,8 @@ class Discretisation:
         self.shapes = tuple((null.shape[1], len(group.waves(self.harmonics))) for null, group in zip(self.null, self.groups, strict=True))
         self.sizes = tuple(a * b for a, b in self.shapes)
         self.size = sum(self.sizes)
+        self.last_maps: dict[tuple[int, str, str], tuple[float, dict[int, Array]]] = {}
+        self.last_base: dict[str, tuple[float, Array, Array]] = {}
         self.clocks = tuple(tuple(time_basis(self.harmonics, self.times, order)[:, group.waves(self.harmonics)] for order in range(3)) for group in self.groups)
 
     def points(self, site: str) -> Array:
@@ -232,7 +234,10 @@ class Discretisation:
         return [(-weight * factor, self.partner(k), 0)] if dt == 1 else [(-factor, k, 0)]
 
     def maps(self, g: int, site: str, omega: float, part: str) -> dict[int, Array]:
-        """Return {order of the time basis: (points, jets, coefficients)} of one group."""
+        """Return {order of the time basis: (points, jets, coefficients)} of one group, kept as long as the frequency stays the same."""
+        known = self.last_maps.get((g, site, part))
+        if known is not None and known[0] == omega:
+            return known[1]
         made: dict[int, Array] = {}
         for j, jet in enumerate(self.rows.jets):
             for factor, k, order in self.terms(jet, omega, part):
@@ -241,7 +246,15 @@ class Discretisation:
                     if order not in made:
                         made[order] = np.zeros((matrix.shape[0], len(self.rows.jets), self.shapes[g][0]))
                     made[order][:, j] += factor * matrix
+        self.last_maps[g, site, part] = (omega, made)
         return made
+
+    def base(self, site: str, control: float) -> tuple[Array, Array]:
+        """Return the jets of the base state at the points of a site, and their derivative, kept as long as the control stays the same."""
+        known = self.last_base.get(site)
+        if known is None or known[0] != control:
+            known = self.last_base[site] = (control, *self.rows.base(self.points(site), control))
+        return known[1:]
 
     def split(self, y: Array) -> list[Array]:
         """Return the coefficients of each group, shape (space, harmonics)."""
@@ -265,7 +278,7 @@ class Discretisation:
         for site in self.sites:
             keep = self.kept(site)
             s = self.points(site)
-            base, base_slope = self.rows.base(s, control)
+            base, base_slope = self.base(site, control)
             jets = base[:, :, None] + self.deviation(y, site, omega)
             value, partial, slope = self.rows.evaluate(site, s, control, jets)
             value, partial, slope = value[:, keep], partial[:, keep], slope[:, keep]
@@ -340,8 +353,15 @@ class Linearisation:
             blocks.append(np.hstack(columns))
         return np.vstack(blocks)
 
-    def scales(self, matrix: Array) -> Array:
-        """Return the factor that brings each row to unit size over all points and times; 0 for a row that holds none of the unknowns."""
+    def scales(self, matrix: Array, others: Array | None = None) -> Array:
+        """Return the factor that brings each row to unit size over all points and times; 0 for a row that holds neither the unknowns nor `others` (frequency, control)."""
+        size = self.sizes(matrix)
+        if others is not None:
+            size = np.where(size > 0, size, self.sizes(others))
+        return np.where(size > 0, 1 / np.maximum(size, max(1e-6 * size.max(), 1e-300)), 0.0)
+
+    def sizes(self, matrix: Array) -> Array:
+        """Return the largest norm of each row over all points and times, at every one of them."""
         sizes, start = [], 0
         norms = np.linalg.norm(matrix, axis=1)
         for slope in self.slopes.values():
@@ -349,5 +369,4 @@ class Linearisation:
             block = norms[start:start + points * rows * times].reshape(points, rows, times)
             sizes.append(np.broadcast_to(block.max(axis=(0, 2), initial=0.0)[None, :, None], block.shape).ravel())
             start += points * rows * times
-        size = np.concatenate(sizes)
-        return np.where(size > 0, 1 / np.maximum(size, max(1e-6 * size.max(), 1e-300)), 0.0)
+        return np.concatenate(sizes)

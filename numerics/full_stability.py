@@ -9,33 +9,53 @@ exponent then comes once in a strip of the width of the frequency, which also se
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import eig
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
-from numerics.full_newton import LeastSquares, Solution
+from numerics.full_newton import LeastSquares, NotConverged, Solution
 from numerics.full_rows import Array, Discretisation, Linearisation
 from numerics.full_states import MAX_HARMONICS, MAX_NODES, Branch
 from numerics.precision import EvaluationError
 
 DENSE = 420
-COUNT = 10
+COUNT, FEWEST = 10, 3
 RESIDUAL = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exponent:
-    """A growth rate or Floquet exponent; `kind` says `neutral`, and `in plane` or `out of plane` where that makes sense."""
+    """A growth rate or Floquet exponent; `kind` says `neutral`, and `in plane` or `out of plane` where that makes sense; `error` is its change between two resolutions."""
 
     value: complex
     kind: str
+    error: float = 0.0
 
     @property
     def neutral(self) -> bool:
         """Tell whether it is zero by a symmetry."""
         return "neutral" in self.kind
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Class:
+    """The exponents of one class of disturbances, from the most dangerous, with their changes between two resolutions (0 when there is one only)."""
+
+    kind: str
+    values: Array
+    errors: Array
+
+
+def ordered(values: Array) -> Array:
+    """Return the order of exponents from the most dangerous; of those that grow alike, infinitely many in a damped beam, the slowest oscillation comes first."""
+    if not len(values):
+        return np.zeros(0, dtype=int)
+    alike = 1e-6 * np.sort(np.abs(values))[min(2, len(values) - 1)]
+    order = np.argsort(-values.real, kind="stable")
+    group = np.concatenate([[0], np.cumsum(-np.diff(values.real[order]) > alike)])
+    return order[np.lexsort((-values.imag[order], np.abs(values.imag[order]), group))]
 
 
 def pencil_spectrum(parts: Sequence[Array], sigma: float, count: int) -> tuple[Array, Array]:
@@ -91,7 +111,7 @@ def truncation(grid: Discretisation, vector: Array) -> float:
     for field in sorted(set(grid.rows.field)):
         members = [size for size, belongs in zip(sizes, grid.rows.field, strict=True) if belongs == field]
         largest = max(float(size.max()) for size in members)
-        if largest <= 1e-12 * max(float(size.max()) for size in sizes):
+        if largest <= 1e-8 * max(float(size.max()) for size in sizes):  # rounding, amplified where a multiplier is found from the rows alone
             continue
         for size in members:
             if grid.rows.spatial:
@@ -125,22 +145,37 @@ def class_spectrum(at: Linearisation, grid: Discretisation, search: Search) -> A
         inside = np.abs(values.imag) <= strip / 2 * (1 + 1e-9)
         values, vectors = values[inside], vectors[:, inside]
     values = values[genuine(parts, grid, sigma, values, vectors)]
-    return values[np.lexsort((-values.imag, np.round(-values.real, 9)))]
+    if strip and len(values) < FEWEST and grid.size > DENSE and search.count < 4 * COUNT:  # the nearest are copies of one exponent
+        return class_spectrum(at, grid, replace(search, count=2 * search.count))
+    return values[ordered(values)]
 
 
-def class_values(branch: Branch, grid: Discretisation, X: Array, shifts: Sequence[float]) -> list[tuple[str, Array]]:
+def class_values(branch: Branch, grid: Discretisation, X: Array, shifts: Sequence[float]) -> list[Class]:
     """Return the exponents of a state X = (coefficients, frequency, control) by class, found from all the shifts, which are factors of a size of the problem."""
     full, state, motion = branch.full, branch.state, branch.form.motion
     omega, control = float(X[-2]), float(X[-1])
     at = grid.linearise(X[:-2], control, omega)
-    rate = growth_scale(branch, control)
-    sigma = 0.137 * abs(omega or full.frequency) if full.hopf else 0.618 * rate if rate else 1.0
+    sigma = 0.137 * abs(omega or full.frequency) if full.hopf else steady_shift(at, grid, growth_scale(branch, control) or 1.0)
     strip = (2 if motion.symmetric else 1) * abs(omega) if motion.kind == "periodic" else 0.0
     search = Search(shifts=tuple(sigma * factor for factor in shifts), strip=strip)
     classes = [("in plane" if full.vector and state in ("beating", "branch") else "", grid)]
     if branch.form.others and any(group.members for group in branch.form.others):
         classes.append(("out of plane", Discretisation(full.rows, motion, branch.form.others, grid.nodes, grid.harmonics)))
-    return [(kind, class_spectrum(at, space, search)) for kind, space in classes]
+    found = [(kind, class_spectrum(at, space, search)) for kind, space in classes]
+    return [Class(kind=kind, values=values, errors=np.zeros(len(values))) for kind, values in found]
+
+
+def steady_shift(at: Linearisation, grid: Discretisation, rate: float) -> float:
+    """Return a shift of the size of the third slowest exponent: near the threshold the slowest is too small a measure to tell the others apart."""
+    wanted = min(3, grid.size)
+    for power in range(13):
+        try:
+            sizes = np.sort(np.abs(class_spectrum(at, grid, Search(shifts=(0.618 * rate * 10**power,), strip=0.0))))
+        except NotConverged:  # too near to an exponent
+            continue
+        if len(sizes) >= wanted and sizes[wanted - 1]:
+            return 0.618 * float(sizes[wanted - 1])
+    return rate
 
 
 def growth_scale(branch: Branch, control: float) -> float:
@@ -189,26 +224,56 @@ def settled_exponents(branch: Branch, solution: Solution) -> tuple[tuple[Exponen
         solution = branch.at_control(finer, branch.on(finer, solution), solution.control)
 
 
-def agreed(fine: Sequence[tuple[str, Array]], coarse: Sequence[tuple[str, Array]], scale: float) -> tuple[list[tuple[str, Array]], float]:
-    """Return the exponents that two resolutions share, by class, and the largest change of those that grow and of the two next ones.
+def resting_exponents(branch: Branch, control: float) -> tuple[tuple[Exponent, ...], float, Discretisation]:
+    """Return the leading growth rates of the base state, the change of those that decide, and the discretisation, the coarsest that settles them.
 
-    One that grows and is found by one resolution only counts as an infinite change.
+    Raises
+    ------
+    EvaluationError
+        They do not settle.
+    """
+    full, nodes = branch.full, 20
+    grid = branch.grid(nodes, 0)
+    if grid.nodes == 1:  # nothing to resolve
+        found = exponents_of(branch, grid, np.zeros(grid.size), control, 0.0)
+        return found, 1e-12 * max((abs(one.value) for one in found), default=1.0), grid
+    before: list[Class] | None = None
+    while True:
+        classes = class_values(branch, grid, np.concatenate([np.zeros(grid.size), [0.0, control]]), (1.0,) if nodes % 2 else (1.37,))
+        error = np.inf
+        if before is not None:
+            scale = max(full.frequency, growth_scale(branch, control), *(float(np.sort(np.abs(one.values))[:3].max(initial=0.0)) for one in classes))
+            kept, error = agreed(classes, before, scale)
+            if error < 1e-9 * scale:
+                return labelled(branch, kept, 0.0), max(error, 1e-14 * scale), grid
+        before, nodes = classes, nodes + nodes // 8 * 2 + 1  # odd and even in turn, with other shifts
+        if nodes > MAX_NODES:
+            raise EvaluationError(f"{branch.state} at control {control:.8g}: found leading growth rates that still change by {error:.1e} at {grid.nodes} nodes; expected them to settle")
+        grid = branch.grid(nodes, 0)
+
+
+def agreed(fine: Sequence[Class], coarse: Sequence[Class], scale: float) -> tuple[list[Class], float]:
+    """Return the exponents that two resolutions share, by class, and the largest change of those that decide.
+
+    Those are the ones that grow and the three next that are not much faster than the slowest ones: no resolution settles all modes of a beam that decay alike.
+    One that grows and is found by one resolution only counts as an infinite change; one that decays must be found by the coarser one too.
     """
     kept, worst = [], 0.0
-    for (kind, new), (_, old) in zip(fine, coarse, strict=True):
+    for now, before in zip(fine, coarse, strict=True):
+        new, old = now.values, before.values
         change = np.array([np.abs(old - value).min(initial=np.inf) for value in new])
         lost = np.array([np.abs(new - value).min(initial=np.inf) for value in old])
         same = change < 1e-4 * (np.abs(new) + scale)
         growing = new.real > 1e-5 * scale
-        missed = (growing & ~same).any() or ((old.real > 1e-5 * scale) & (lost > 1e-4 * (np.abs(old) + scale))).any()
-        new, change = new[same], change[same]
-        leading = change[: int(np.sum(new.real > 1e-5 * scale)) + 3]
-        worst = max(worst, np.inf if missed else float(leading.max(initial=0.0)))
-        kept.append((kind, new))
+        missed = not same.any() or (growing & ~same).any() or ((old.real > 1e-5 * scale) & (lost > 1e-4 * (np.abs(old) + scale))).any()
+        reach = 10 * max(scale, float(np.sort(np.abs(new))[:3].max(initial=0.0)))
+        next_ones = np.flatnonzero(~growing & (np.abs(new) < reach))[:3]
+        worst = max(worst, np.inf if missed else float(np.concatenate([change[growing], change[next_ones]]).max(initial=0.0)))
+        kept.append(Class(kind=now.kind, values=new[same], errors=change[same]))
     return kept, worst
 
 
-def labelled(branch: Branch, classes: Sequence[tuple[str, Array]], omega: float, rate: float = 0.0) -> tuple[Exponent, ...]:
+def labelled(branch: Branch, classes: Sequence[Class], omega: float, rate: float = 0.0) -> tuple[Exponent, ...]:
     """Return the exponents of all classes, the one of each that a symmetry makes zero recognised.
 
     Raises
@@ -217,7 +282,8 @@ def labelled(branch: Branch, classes: Sequence[tuple[str, Array]], omega: float,
         An exponent that must be zero by a symmetry is not.
     """
     found: list[Exponent] = []
-    for kind, values in classes:
+    for one in classes:
+        kind, values = one.kind, one.values
         neutral = 1 if branch.state in ("beating", "whirling", "cycle") or kind == "out of plane" else 0
         order = np.argsort(np.abs(values))[:neutral]
         if neutral and (not len(values) or abs(values[order[0]]) > 1e-4 * max(abs(omega), rate)):
@@ -225,5 +291,7 @@ def labelled(branch: Branch, classes: Sequence[tuple[str, Array]], omega: float,
         why = "rotation" if kind == "out of plane" or branch.state == "whirling" else "phase"
         for k, value in enumerate(values):
             label = f"neutral ({why})" if k in order else ""
-            found.append(Exponent(value=complex(value), kind=", ".join(part for part in (kind, label) if part)))
-    return tuple(sorted(found, key=lambda one: (-round(one.value.real, 9), -one.value.imag)))
+            found.append(Exponent(value=complex(value), kind=", ".join(part for part in (kind, label) if part), error=float(one.errors[k])))
+    if not found:
+        raise EvaluationError(f"exponents: found none of {branch.state} that meets the rows and is resolved; expected at least one")
+    return tuple(found[k] for k in ordered(np.array([one.value for one in found])))

@@ -246,19 +246,53 @@ class Branch:
         NotConverged
             Newton's method finds none.
         """
-        nodes, harmonics = self.coarse()
-        grid = self.grid(nodes, harmonics)
+        grid = self.grid(*self.coarse())
         share = 1.0
         for _ in range(12):
             X, reading = self.guess(grid, share * mu)
             try:
-                near = self.at_amplitude(grid, X, reading, share * mu)
-                if abs(near.control - self.full.threshold - share * mu) < 0.35 * abs(share * mu):
+                near = self.settled(self.at_amplitude(grid, X, reading, share * mu), reading, share * mu)
+                if self.misses(near, share * mu) < 0.35:
                     return near, share, reading
             except NotConverged:
                 pass
             share *= 0.25
         raise NotConverged(f"{self.state}: found no state near the threshold from the prediction; ask for mu nearer to 0")
+
+    def misses(self, solution: Solution, mu: float) -> float:
+        """Return how far from a control a solution is, relative to mu."""
+        return abs(solution.control - self.full.threshold - mu) / abs(mu)
+
+    def settled(self, near: Solution, reading: float, mu: float) -> Solution:
+        """Return the state of a given leading harmonic, resolved so far that its control is where the prediction has it, or to rounding."""
+        near = self.resolved_at_amplitude(near, reading, mu, 1e-3)
+        return near if self.misses(near, mu) < 0.35 else self.resolved_at_amplitude(near, reading, mu, 1e-11)
+
+    def resolved_at_amplitude(self, solution: Solution, reading: float, mu: float, tolerance: float) -> Solution:
+        """Return the state of the same leading harmonic with tails of both series below the tolerance; its control may change."""
+        while True:
+            space, time = tails(self.full.rows, solution)
+            if max(space, time) < tolerance:
+                return solution
+            grid = self.finer(solution, space >= tolerance, time >= tolerance)
+            solution = self.at_amplitude(grid, self.on(grid, solution), reading, mu)
+
+    def finer(self, solution: Solution, space: bool, time: bool) -> Discretisation:
+        """Return a discretisation with more nodes, more harmonics, or both.
+
+        Raises
+        ------
+        NotConverged
+            It would be beyond the largest; the message gives the tails of the series.
+        """
+        nodes, harmonics = solution.grid.nodes, solution.grid.harmonics
+        nodes += max(4, nodes // 4) if space else 0
+        harmonics += max(2, harmonics // 6 * 2) if time else 0
+        if nodes > MAX_NODES or harmonics > MAX_HARMONICS:
+            now = tails(self.full.rows, solution)
+            raise NotConverged(f"{self.state} at control {solution.control:.8g}: {nodes} nodes and {harmonics} harmonics would be needed to bring the tails of the series down "
+                               f"(now {now[0]:.1e} in space, {now[1]:.1e} in time); ask for a larger tolerance")
+        return self.grid(nodes, harmonics)
 
     def start(self, mu: float) -> Solution:
         """Return the state at mu, coarsely resolved: from the prediction, or followed from nearer the threshold.
@@ -273,7 +307,7 @@ class Branch:
         if share == 1.0:
             try:
                 found = self.at_control(near.grid, near.X, target)
-                if abs(self.amplitude_row(near.grid) @ found.X) > 0.5 * abs(reading):
+                if 0.5 < abs(self.amplitude_row(near.grid) @ found.X) / abs(reading) < 2:
                     return found
             except NotConverged:
                 pass
@@ -342,6 +376,9 @@ class Branch:
                 return
             before, previous, current = tangent, current, found
             yield current
+            mus = [one - self.full.threshold for one in (start.control, current.control, target)]
+            if mus[0] * mus[2] > 0 and mus[1] * mus[2] < 0 and abs(mus[1]) > 2 * self.reach:
+                raise NotConverged(f"{self.state}: the branch turns and leads away from control {target:.8g}; it is at {current.control:.8g}: ask for a range on the other side")
         raise NotConverged(f"{self.state}: the branch did not reach control {target:.8g} in {points} steps; it is at {current.control:.8g}")
 
     def backwards(self, start: Solution, tangent: Array, target: float) -> bool:
@@ -361,15 +398,7 @@ class Branch:
             space, time = tails(self.full.rows, solution)
             if space < tolerance and time < tolerance:
                 return solution
-            nodes, harmonics = solution.grid.nodes, solution.grid.harmonics
-            if space >= tolerance:
-                nodes = nodes + max(4, nodes // 4)
-            if time >= tolerance:
-                harmonics += max(2, harmonics // 6 * 2)
-            if nodes > MAX_NODES or harmonics > MAX_HARMONICS:
-                raise NotConverged(f"{self.state} at control {solution.control:.8g}: {nodes} nodes and {harmonics} harmonics do not bring the tails of the series "
-                                   f"(now {space:.1e} in space, {time:.1e} in time) below {tolerance:.0e}; ask for a larger tolerance")
-            grid = self.grid(nodes, harmonics)
+            grid = self.finer(solution, space >= tolerance, time >= tolerance)
             solution = self.at_control(grid, self.on(grid, solution), solution.control)
 
     def refined(self, solution: Solution, tolerance: float) -> tuple[Solution, float]:
@@ -436,12 +465,13 @@ def tails(rows: Rows, solution: Solution) -> tuple[float, float]:
 
 
 def field_tails(rows: Rows, state: State) -> tuple[float, float]:
-    """Return the size of the last coefficients in space and in time, against the largest of the field."""
+    """Return the size of the last coefficients in space and in time, against the largest of the field; a field that is rounding beside the others has no say."""
     space = time = 0.0
+    largest = max(float(np.abs(values).max()) for values in state.coefficients)
     for field in sorted(set(rows.field)):
         members = [k for k in range(rows.count) if rows.field[k] == field]
         size = max(float(np.abs(state.coefficients[k]).max()) for k in members)
-        if size < 1e-14:
+        if size <= max(1e-14, 1e-11 * largest):
             continue
         for k in members:
             values = np.abs(state.coefficients[k])

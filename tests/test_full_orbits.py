@@ -11,7 +11,7 @@ from numerics.full import measured_points, solve_state
 from numerics.full_orbit import radau
 from numerics.full_orders import residual_orders
 from numerics.full_rows import Rows
-from numerics.full_stability import agreed, settled_exponents
+from numerics.full_stability import Class, agreed, settled_exponents
 from numerics.full_states import Branch, Full
 
 
@@ -66,9 +66,14 @@ def test_missing_responses_show_in_the_order_of_the_residual(monkeypatch):
 
 
 def test_a_growing_exponent_found_by_one_resolution_only_is_not_missed():
-    fine, coarse = [("", np.array([-1.0 + 0j]))], [("", np.array([2.0 + 0j, -1.0]))]
+    fine, coarse = ([Class(kind="", values=np.array(values, dtype=complex), errors=np.zeros(len(values)))] for values in ([-1.0], [2.0, -1.0]))
     assert agreed(fine, coarse, 1.0)[1] == np.inf and agreed(coarse, fine, 1.0)[1] == np.inf
     assert agreed(fine, fine, 1.0)[1] == 0.0
+
+
+def test_the_leading_exponent_is_not_dropped_where_the_coarser_resolution_misses_it():
+    fine, coarse = ([Class(kind="", values=np.array(values, dtype=complex), errors=np.zeros(len(values)))] for values in ([0.0, -1.0, -7.0], [0.0, -7.0]))
+    assert agreed(fine, coarse, 1.0)[1] >= 1
 
 
 def test_points_for_the_diagram_lie_on_the_branch():

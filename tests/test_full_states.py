@@ -1,6 +1,7 @@
 """The full nonlinear problem: known solutions, another formulation, another method, and the coefficients measured on it."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -89,6 +90,49 @@ def test_growth_rates_of_the_base_state_are_known_in_closed_form():
     assert np.allclose([one.value for one in found.exponents[:4]], [0.25 - (1 - n**2) ** 2 for n in (1, 2, 3, 4)], atol=1e-7)
 
 
+@pytest.mark.parametrize("mu", [-2.0, 1e-7, 0.0, 0.5])
+def test_growth_rates_of_a_damped_column_are_known_in_closed_form(write_problem, mu):
+    """Modes sin(n pi s) of a pinned column: infinitely many decay alike, and only some of them are resolved."""
+    target = write_problem(COLUMN)
+    found = solved(target, "base", mu)
+    stiffness = [(n * np.pi) ** 4 - found.control * (n * np.pi) ** 2 + 10 for n in (1, 2, 3, 4)]
+    exact = [value for k in stiffness for value in np.roots([1, 2, k])]
+    shown = [one for one in found.exponents if abs(one.value) < 100]
+    assert len(shown) >= 6 and any(abs(one.value) < 5 for one in shown)
+    assert all(min(abs(one.value - value) for value in exact) < max(10 * one.error, 1e-9) < 1e-5 for one in shown)
+    assert mu == 0 or found.stable == (mu < 0)
+
+
+COLUMN = """
+from sympy import Rational, symbols
+from derive import Problem, field
+
+s, t, P = symbols("s t P", real=True)
+u = field("u", s, t)
+problem = Problem(
+    name="column", space=s, interval=(0, 1), time=t, control=P, control_range=(0, 30), fields=(u,),
+    equations=(u.diff(t, 2) + 2 * u.diff(t) + u.diff(s, 4) + P * u.diff(s, 2) + 10 * u + 500 * u**3,),
+    boundary={0: (u, u.diff(s, 2)), 1: (u, u.diff(s, 2))}, base_state={u: 0}, normalisation=(u, Rational(1, 2)),
+)
+"""
+
+
+@pytest.mark.parametrize("mu", [-0.1, 0.1])
+def test_rounding_in_a_multiplier_does_not_hide_a_double_growth_rate(mu):
+    """d' = d_ss - L d - P k with |d| = 1: the modes sin((n + 1/2) pi s) across the axis grow with P - ((n + 1/2) pi)^2, each twice."""
+    found = solved(local("buckle_pinned_tw"), "base", mu)
+    exact = [found.control - ((n + 0.5) * np.pi) ** 2 for n in (0, 0, 1, 1, 2, 2)]
+    assert np.allclose([one.value for one in found.exponents[:6]], exact, atol=1e-8) and found.stable == (mu < 0)
+
+
+def test_a_branch_with_an_inner_layer_starts_where_a_coarse_grid_has_no_state():
+    """The threshold of twelve nodes is farther from the true one than the state that is asked for."""
+    found = solved(local("layer"), "branch", 1e-2)
+    assert found.peak == pytest.approx(found.predicted.peak, rel=1e-4) and found.stable
+    base = solved(local("layer"), "base", 1e-2)
+    assert abs(base.exponents[0].value - 0.00843522812) < 1e-7
+
+
 def test_whirling_of_the_filament_has_the_exponents_of_the_amplitude_equation():
     """Near onset: -2 gamma_r mu along the radius, alpha R^2 + 2 i Omega for the other sense, and 0 for the rotation."""
     result, found = result_of("follower_force"), solved("follower_force", "whirling", 1e-3)
@@ -114,7 +158,8 @@ def test_rows_by_component_about_an_oblique_axis_give_the_same_whirling():
     assert abs(one.peak - other.peak) < 1e-9 and abs(one.frequency - other.frequency) < 1e-7
 
 
-@pytest.mark.parametrize("target", ["swift_hohenberg", "van_der_pol", local("fisher"), local("vec_pitch"), local("pendulum_cart")])
+@pytest.mark.parametrize("target", ["swift_hohenberg", "van_der_pol", local("fisher"), local("vec_pitch"), local("pendulum_cart"), local("robin"), local("weak_iso"), local("exchange"),
+                                    pytest.param(local("turing_brus"), marks=pytest.mark.slow), pytest.param(local("mass_matrix"), marks=pytest.mark.slow)])
 def test_the_coefficients_are_measured_on_the_full_problem(target):
     found = validate(text_of(target), derivation_of(target).emit(), result_of(target))
     assert found.agrees
@@ -123,10 +168,43 @@ def test_the_coefficients_are_measured_on_the_full_problem(target):
 
 def test_a_wrong_coefficient_is_found_out():
     text, result = text_of("swift_hohenberg"), result_of("swift_hohenberg")
-    from dataclasses import replace
-
     wrong = tuple(replace(one, value=replace(one.value, re="-0.75000001")) if one.monomial == "A**3" else one for one in result.coefficients)
     assert not validate(text, derivation_of("swift_hohenberg").emit(), replace(result, coefficients=wrong)).agrees
+
+
+def scaled(result, name, factor):
+    """Return the result with one coefficient times a factor, or control or frequency of the threshold."""
+    def times(number):
+        return replace(number, re=repr(float(number.re) * factor), im=repr(float(number.im) * factor))
+
+    if name in ("control", "frequency"):
+        return replace(result, threshold=replace(result.threshold, **{name: repr(float(getattr(result.threshold, name)) * factor)}))
+    return replace(result, coefficients=tuple(replace(one, value=times(one.value)) if one.monomial == name else one for one in result.coefficients))
+
+
+@pytest.mark.parametrize("factor", [1.001, 2.0, -1.0])
+@pytest.mark.parametrize("name", ["mu*A", "A**2*conj(A)"])
+def test_a_coefficient_wrong_by_a_factor_disagrees_and_what_is_measured_does_not_depend_on_it(name, factor):
+    result = result_of("van_der_pol")
+    found = validate(text_of("van_der_pol"), derivation_of("van_der_pol").emit(), scaled(result, name, factor))
+    assert not found.agrees
+    wrong = {"mu*A": "gamma"}.get(name, name)
+    assert [check.name for check in found.checks if not check.agrees] == [wrong]
+    assert abs(next(check for check in found.checks if check.name == wrong).measured - complex(result[name].value)) < 1e-8
+
+
+@pytest.mark.parametrize("name", ["control", "frequency"])
+def test_a_wrong_threshold_disagrees(name):
+    target = local("near_defect")
+    assert not validate(text_of(target), derivation_of(target).emit(), scaled(result_of(target), name, 1.001)).agrees
+
+
+@pytest.mark.parametrize("target", [local("near_defect"), pytest.param(local("beck"), marks=pytest.mark.slow)])
+def test_near_a_defective_eigenvalue_the_measurement_goes_where_the_expansion_converges(target):
+    """The radius of convergence in mu is 3e-4 of the control here, 2e-5 for the column: what usually suits is far outside."""
+    found = validate(text_of(target), derivation_of(target).emit(), result_of(target))
+    assert found.agrees and min(check.digits for check in found.checks) >= 8
+    assert all(check.difference < max(10 * check.error, 1e-9) for check in found.checks)
 
 
 @pytest.mark.slow
@@ -163,6 +241,19 @@ def test_the_hopf_bifurcation_of_lorenz_on_the_branch_of_the_pitchfork_is_locate
     assert abs(found[0].frequency - np.sqrt(8 / 3 * (10 + 470 / 19))) < 1e-6
 
 
+@pytest.mark.parametrize(("name", "state", "low", "high", "tolerance", "control", "kind", "frequency", "where"), [
+    ("exchange", "beating", 0.9, 1.05, 1e-8, 1.0, "real", 0.0, "out of plane"), ("exchange", "whirling", 0.9, 1.05, 1e-8, 1.0, "complex", 6.0, ""),
+    ("torus", "cycle", 0.49, 0.51, 1e-4, 0.5, "complex", 0.5, ""),  # extended in space: by collocation in time
+])
+def test_a_periodic_state_changes_stability_where_it_is_known_to(name, state, low, high, tolerance, control, kind, frequency, where):
+    target = local(name)
+    found = list(follow_branch(text_of(target), result_of(target), state, low, high, tolerance))
+    change = [one for one in found if isinstance(one, Secondary)]
+    assert [(one.kind, one.where) for one in change] == [(kind, where)]
+    assert abs(change[0].control - control) < 1e-8 and abs(change[0].frequency - frequency) < 1e-7
+    assert all(one.stable == ((one.control > control) == (state == "beating")) for one in found if not isinstance(one, Secondary))
+
+
 def test_a_branch_is_followed_around_its_fold(write_problem):
     """u' = mu u + u^3 - u^5: from the threshold backwards to the fold at mu = -1/4 and on to mu = 1/2."""
     target = write_problem(FOLD)
@@ -172,6 +263,41 @@ def test_a_branch_is_followed_around_its_fold(write_problem):
         assert one.stable == (one.peak > np.sqrt(0.5))
     fold = [one for one in states if isinstance(one, Secondary)]
     assert len(fold) == 1 and fold[0].kind == "real"
+
+
+def test_a_transcritical_branch_is_followed_through_the_threshold(write_problem):
+    target = write_problem(FOLD.replace("u**3 + u**5", "u**2").replace('name="fold"', 'name="logistic"'))
+    states = list(follow_branch(text_of(target), result_of(target), "branch", -0.1, 0.2, 1e-8))
+    assert states[0].mu == pytest.approx(-0.1) and states[-1].mu == pytest.approx(0.2) and not any(isinstance(one, Secondary) for one in states)
+    assert all(abs(one.peak - abs(one.mu)) < 1e-12 and one.stable == (one.mu > 0) for one in states)
+
+
+def test_a_field_that_vanishes_on_the_branch_does_not_hold_it_up():
+    """The clamped elastica is four quarters: sqrt(P) / 4 = K(k), and its middle moves by 4 k / sqrt(P)."""
+    found = solved(local("strut"), "branch", 21.0)
+    k = found.peak * np.sqrt(found.control) / 4
+    assert abs((4 * ellipk(k**2)) ** 2 - found.control) < 1e-8 * found.control
+
+
+@pytest.mark.slow
+def test_an_orbit_extended_in_space_is_followed_around_its_fold():
+    """Found by collocation up to the fold, by harmonic balance around it; the frequency is 2 throughout."""
+    target = local("subhopf")
+    fold: list[Secondary] = []
+    for one in follow_branch(text_of(target), result_of(target), "cycle", -0.2, -0.3, 1e-6):
+        if isinstance(one, Secondary):
+            fold.append(one)
+            continue
+        assert abs(one.frequency - 2) < 1e-8 and one.stable == bool(fold)
+        if fold:
+            break
+    assert len(fold) == 1 and abs(fold[0].mu + 0.22478624) < 1e-6 and fold[0].kind == "real"
+
+
+def test_a_branch_that_turns_before_the_control_asked_for_is_refused(write_problem):
+    target = write_problem(FOLD)
+    with pytest.raises(EvaluationError, match="turns and leads away from control -0.3"):
+        list(follow_branch(text_of(target), result_of(target), "branch", -0.05, -0.3, 1e-6))
 
 
 FOLD = """
