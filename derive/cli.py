@@ -325,6 +325,16 @@ def bench(targets: tuple[str, ...], out: str | None, as_json: bool, quick: bool,
     return 1 if failed else 0
 
 
+def full_problem(target: str) -> tuple[Derivation, Result, str]:
+    """Return derivation, coefficients and the emitted rows of the full nonlinear problem, which is held by polynomials on the whole interval."""
+    from derive.residual import emit_residual
+    from numerics.scout import refuse_narrow
+
+    derivation, result = coefficients_of(target, 15, "auto", False)
+    refuse_narrow(derivation.emit())
+    return derivation, result, emit_residual(derivation.problem)
+
+
 @main.command()
 @click.argument("target")
 @click.option("--state", required=True, help="undeformed, beating, whirling for a vector amplitude; base, cycle, branch for the others.")
@@ -335,13 +345,11 @@ def bench(targets: tuple[str, ...], out: str | None, as_json: bool, quick: bool,
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def full(target: str, state: str, mu: float | None, mu_range: tuple[float, float] | None, as_branch: bool, tolerance: float, as_json: bool) -> None:
     """A state of the full nonlinear problem, with its stability."""
-    from derive.residual import emit_residual
     from numerics.full import follow_branch, solve_state
 
     if (mu is None) == (mu_range is None) or as_branch != (mu_range is not None):
         raise click.UsageError("expected either --mu X, or --mu-range A B with --branch")
-    derivation, result = coefficients_of(target, 15, "auto", False)
-    text = emit_residual(derivation.problem)
+    derivation, result, text = full_problem(target)
     if mu is not None:
         found = solve_state(text, result, state, mu, tolerance)
         click.echo(json.dumps(found.as_dict()) if as_json else found.text())
@@ -390,11 +398,10 @@ def simulate(target: str, initial: str, mu: float, until: float, out: str, order
     scene = Scene(initial=parse_amplitude(initial), mu=mu, until=until)
     sampling = Sampling(times=points, places=places, logarithmic=spacing == "log", order=order)
     if as_full:
-        from derive.residual import emit_residual
         from numerics.full_simulation import Accuracy, simulate_fields
 
-        derivation, result = coefficients_of(target, 15, "auto", False)
-        data = simulate_fields(emit_residual(derivation.problem), derivation.emit(), result, scene, sampling, Accuracy(steps=steps, tolerance=tolerance))
+        derivation, result, text = full_problem(target)
+        data = simulate_fields(text, derivation.emit(), result, scene, sampling, Accuracy(steps=steps, tolerance=tolerance))
     else:
         data = run(derived(target).emit(), scene, sampling)
     if data.attributes.get("phase_error", 0.0) > 1e-3:
@@ -450,16 +457,15 @@ def drawn(derivation: Derivation, form: str, names: Sequence[str], strict: bool)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def validate(target: str, as_json: bool) -> int:
     """Measure threshold and coefficients on the full nonlinear problem; exit 1 if they do not agree with the derived ones."""
-    from derive.residual import emit_residual
     from numerics.full_validate import validate as run
 
-    derivation, result = coefficients_of(target, 15, "auto", False)
+    derivation, result, rows = full_problem(target)
 
     def say(text: str) -> None:
         if sys.stderr.isatty():
             click.echo(text, err=True)
 
-    found = run(emit_residual(derivation.problem), derivation.emit(), result, say)
+    found = run(rows, derivation.emit(), result, say)
     click.echo(json.dumps(found.as_dict()) if as_json else found.text())
     return 0 if found.agrees else 1
 

@@ -15,12 +15,14 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
+from scipy.fft import dct
 from scipy.linalg import qr
 
 from numerics.precision import EvaluationError
 
 Array = np.ndarray
 SITES = ("interior", "left", "right")
+MOST_SAMPLES, RESOLVABLE = 4096, 320
 
 
 class Rows:
@@ -42,6 +44,34 @@ class Rows:
         self.normalised: tuple[int, ...] = names["NORMALISED"]
         self.degree = tuple(max((ds for unknown, ds, _ in self.jets if unknown == k), default=0) for k in range(self.count))
         self.order = max((dt for _, _, dt in self.jets), default=0)
+
+    @cached_property
+    def samples(self) -> int:
+        """How many points in space resolve the coefficients of the rows and the base state.
+
+        Raises
+        ------
+        EvaluationError
+            They vary too fast.
+        """
+        if not self.spatial:
+            return 1
+        left, right = self.names["INTERVAL"]
+        s = left + (1 - np.cos((np.arange(MOST_SAMPLES) + 0.5) * np.pi / MOST_SAMPLES)) * (right - left) / 2
+        lowest, jets = self.names["LOWEST"], np.tile(0.3 + 0.1 * np.arange(len(self.jets)), (len(s), 1))[:, :, None]
+        columns = []
+        for control in (lowest, lowest + 0.7 + 0.1 * abs(lowest)):  # a coefficient may vanish at the lower end
+            values, _, slopes = self.evaluate("interior", s, control, jets)
+            columns += [self.base(s, control)[0], values[:, :, 0], slopes[:, :, 0].reshape(len(s), -1)]
+        table = np.concatenate(columns, axis=1)
+        table = table[:, np.isfinite(table).all(axis=0) & (np.ptp(table, axis=0) > 0)]
+        if not table.shape[1]:
+            return 1
+        spectrum = np.abs(dct(table, axis=0))
+        needed = int(np.flatnonzero((spectrum > 1e-11 * spectrum.max(axis=0)).any(axis=1))[-1]) + 1
+        if needed > RESOLVABLE:
+            raise EvaluationError(f"full problem: found coefficients of the equations that {RESOLVABLE} polynomials on the whole interval do not resolve; expected smoother ones")
+        return needed
 
     def __getattr__(self, name: str) -> Any:
         try:
@@ -128,7 +158,7 @@ class Discretisation:
         self.nodes, self.harmonics = (nodes if rows.spatial else 1), (harmonics if motion.kind == "periodic" else 0)
         self.left, self.right = rows.INTERVAL
         self.length = self.right - self.left if rows.spatial else 2.0
-        count = self.nodes + max(rows.degree) + 1 if rows.spatial else 1
+        count = max(self.nodes + max(rows.degree) + 1, rows.samples) if rows.spatial else 1
         inner = -np.cos((2 * np.arange(count) + 1) * np.pi / (2 * count)) if rows.spatial else np.zeros(1)
         self.x = {"interior": inner, "left": np.array([-1.0]), "right": np.array([1.0])}
         self.sites = tuple(site for site in SITES if site in rows.USES and rows.USES[site])

@@ -24,6 +24,7 @@ DEGREE = 160
 GOAL = 60
 NARROWEST = Fraction(1, 2**24)
 MOST_PANELS = 300
+NARROW = Fraction(1, 256)
 SHARES = (Fraction(7, 51), Fraction(25, 51), Fraction(43, 51))
 """where on a panel the size of a function is read: no places of symmetry"""
 
@@ -112,6 +113,22 @@ def scouted(module: Module, control: acb, frequency: acb, breaks: Sequence[Fract
             found.add(middle)
             pending += [(a, middle), (middle, b)]
     return tuple(sorted(found))
+
+
+def refuse_narrow(emitted: str) -> None:
+    """Refuse a coefficient that varies within less than the full problem's polynomials on the whole interval resolve.
+
+    Raises
+    ------
+    EvaluationError
+        There is one; the message gives its width.
+    """
+    from numerics.coefficients import Module
+
+    width = finest_variation(Module(emitted))
+    if width < NARROW:
+        raise EvaluationError(f"full problem: found a coefficient of the equations that varies within {float(width):.1g} of the interval; expected {float(NARROW):.1g} at least, "
+                              "as the full problem is held by polynomials on the whole interval; the coefficients of the amplitude equation have no such limit")
 
 
 def finest_variation(module: Module) -> Fraction:

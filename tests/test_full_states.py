@@ -10,13 +10,15 @@ from conftest import PROBLEMS, derivation_of, result_of
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
-from derive import load_problem
+from derive import derive_amplitude_equation, hard_cases, load_problem
 from derive.cli import main
 from derive.residual import emit_residual
+from numerics import evaluate
 from numerics.full import Secondary, follow_branch, solve_state
 from numerics.full_rows import Rows, space_basis
 from numerics.full_validate import validate
 from numerics.precision import EvaluationError
+from numerics.scout import refuse_narrow
 
 
 def text_of(target):
@@ -318,3 +320,15 @@ def test_the_command_prints_one_json_object_and_says_what_is_wrong():
     assert runner.invoke(main, ["full", "van_der_pol", "--state", "cycle", "--mu", "-0.1"]).exit_code == 2
     checked = runner.invoke(main, ["validate", "van_der_pol"])
     assert checked.exit_code == 0 and "numbers agree" in checked.output
+
+
+def test_a_narrow_bump_of_a_coefficient_is_resolved_or_refused():
+    """The rows are collocated where their own coefficients are resolved; what polynomials on the whole interval cannot hold is refused."""
+    derivation = derive_amplitude_equation(hard_cases.narrow_bump("1/20"))
+    found = validate(emit_residual(derivation.problem), derivation.emit(), evaluate(derivation.emit(), digits=15))
+    assert found.agrees
+    narrow = emit_residual(hard_cases.narrow_bump("1/500"))
+    with pytest.raises(EvaluationError, match="320 polynomials on the whole interval do not resolve"):
+        solve_state(narrow, result_of("swift_hohenberg", 15), "branch", 0.1)
+    with pytest.raises(EvaluationError, match="varies within 3e-05 of the interval"):
+        refuse_narrow(derive_amplitude_equation(hard_cases.narrow_bump("1/100000")).emit())
