@@ -134,7 +134,7 @@ def simulate_full(system: System, start: tuple[State, State], times: Array, plan
     NotConverged
         A step fails, or (`Coarse`) a constraint is not kept to 1e-10; the message gives the time.
     """
-    stepper, control, last = Stepper(system=system, converged=max(CONVERGED, min(1e-11, 1e-4 * plan.tolerance))), Control(system, plan), None
+    stepper, control, last = Stepper(system=system, converged=max(CONVERGED, min(1e-10, 1e-4 * plan.tolerance))), Control(system, plan), None
     now = consistent(system, packed(system, start), plan.short)
     most = MOST_STEPS * (5 + len(times) + (times[-1] - times[0]) / plan.longest)
     record, track, worst = [now], [], checked(system, now, times[0])

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import legendre
-from scipy.linalg import solve_triangular
+from scipy.linalg import lapack, solve_triangular
 
 from numerics.full_newton import NotConverged
 from numerics.full_orbit import Space, radau
@@ -154,40 +154,52 @@ class System:
         return worst
 
 
+class Reflections:
+    """The orthogonal factor of a matrix, as reflections: it is never formed."""
+
+    def __init__(self, matrix: Array) -> None:
+        self.count = matrix.shape[1]
+        self.packed, self.factors, _, _ = lapack.dgeqrf(matrix)
+        self.triangle = self.packed[:self.count]
+        diagonal = np.abs(np.diag(self.triangle))
+        if self.count and not diagonal.min() > 1e-13 * diagonal.max():
+            raise NotConverged("found unknowns without time derivative that the rows at an instant do not determine")
+
+    def split(self, right: Array) -> tuple[Array, Array]:
+        """Return the least-squares solution with the matrix, and the combinations of rows that do not hold its unknowns."""
+        if not self.count:
+            return right[:0], right
+        turned, _, _ = lapack.dormqr("L", "T", self.packed, self.factors, right, 64 * right.shape[1])
+        return solve_triangular(self.triangle, turned[:self.count], check_finite=False), turned[self.count:]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Factor:
     """The linearisation at one instant, factored for steps of about one size."""
 
-    rows: Array  # of all rows, those combinations that hold no slaved unknown
-    inverses: tuple[Array, ...]  # of those, over u, at each eigenvalue
-    slaved: Array  # v from the residual
-    follow: tuple[Array, ...]  # and from u and its derivatives
+    scale: Array  # of the rows
+    slaved: Reflections
+    follow: tuple[Array, ...]  # slaved unknowns from u and its derivatives
+    inverses: tuple[Array, ...]  # of what is left for u, at each eigenvalue
 
 
 def factor(system: System, values: Sequence[Array], step: float) -> Factor:
     """Return the factored linearisation."""
     (first, *others), scale = system.jacobian(values, float(np.abs(VALUES).min()) / step)
     m = system.moving
-    J, slaved = [first[:, :m], *others], first[:, m:]
-    if len(slaved) < system.size:
+    if len(first) < system.size:
         raise NotConverged("found fewer rows than unknowns at an instant")
-    q, triangle = np.linalg.qr(slaved, mode="complete")
-    count = slaved.shape[1]
-    diagonal = np.abs(np.diag(triangle[:count]))
-    if count and not diagonal.min() > 1e-13 * diagonal.max():
-        raise NotConverged("found unknowns without time derivative that the rows at an instant do not determine")
-    top = solve_triangular(triangle[:count], q[:, :count].T, check_finite=False)
-    rest = q[:, count:].T
-    parts = [rest @ one for one in J]
+    slaved = Reflections(first[:, m:])
+    follow, parts = zip(*(slaved.split(one) for one in [first[:, :m], *others]), strict=True)
     inverses = []
     for value in VALUES / step:
         z = value.real if value.imag == 0 else value
-        q_u, triangle = np.linalg.qr(sum(z**power * part for power, part in enumerate(parts)))
+        q, triangle = np.linalg.qr(sum(z**power * part for power, part in enumerate(parts)))
         diagonal = np.abs(np.diag(triangle))
         if not diagonal.min() > 1e-15 * diagonal.max():
             raise Failed("found a singular linearisation: fewer independent rows than unknowns")
-        inverses.append(solve_triangular(triangle, q_u.conj().T, check_finite=False))
-    return Factor(rows=rest * scale, inverses=tuple(inverses), slaved=top * scale, follow=tuple(top @ one for one in J))
+        inverses.append(solve_triangular(triangle, q.conj().T, check_finite=False))
+    return Factor(scale=scale, slaved=slaved, follow=follow, inverses=tuple(inverses))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -295,12 +307,13 @@ class Stepper:
         """Return the change of all stages that removes the residual, to first order."""
         kept = self.kept
         assert kept is not None
-        modes = (kept.rows @ residual) @ LEFT.T
+        v, rest = kept.slaved.split(residual * kept.scale[:, None])
+        modes = rest @ LEFT.T
         u = np.zeros((self.system.moving, STAGES))
         for k, inverse in enumerate(kept.inverses):
             right = modes[:, k] if np.iscomplexobj(inverse) else modes[:, k].real
             u -= COUNTS[k] * np.real(np.outer(inverse @ right, RIGHT[:, k]))
-        v, part = -(kept.slaved @ residual), u
+        v, part = -v, u
         for matrix in kept.follow:
             v -= matrix @ part
             part = part @ INVERSE.T / step
