@@ -315,8 +315,8 @@ class Branch:
         return last
 
     def coarse(self) -> tuple[int, int]:
-        """Return nodes and harmonics to start with."""
-        return 12, (5 if self.form.motion.symmetric else 4)
+        """Return nodes and harmonics to start with: as many nodes as resolve the coefficients of the rows, within bounds."""
+        return max(12, min(self.full.rows.samples, 3 * MAX_NODES // 4)), (5 if self.form.motion.symmetric else 4)
 
     def tangent(self, solution: Solution, before: Array | None) -> Array:
         """Return the unit tangent of the branch in X, on the side of `before` (of growing amplitude, without)."""
