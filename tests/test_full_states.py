@@ -245,7 +245,7 @@ def test_the_hopf_bifurcation_of_lorenz_on_the_branch_of_the_pitchfork_is_locate
 
 @pytest.mark.parametrize(("name", "state", "low", "high", "tolerance", "control", "kind", "frequency", "where"), [
     ("exchange", "beating", 0.9, 1.05, 1e-8, 1.0, "real", 0.0, "out of plane"), ("exchange", "whirling", 0.9, 1.05, 1e-8, 1.0, "complex", 6.0, ""),
-    ("torus", "cycle", 0.49, 0.51, 1e-4, 0.5, "complex", 0.5, ""),  # extended in space: by collocation in time
+    pytest.param("torus", "cycle", 0.49, 0.51, 1e-4, 0.5, "complex", 0.5, "", marks=pytest.mark.slow),  # extended in space: by collocation in time
 ])
 def test_a_periodic_state_changes_stability_where_it_is_known_to(name, state, low, high, tolerance, control, kind, frequency, where):
     target = local(name)
