@@ -22,6 +22,7 @@ from derive.statement import DerivationError, ProblemError
 
 SCAN = 61
 AXIS = 1e-6
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -271,8 +272,8 @@ def classify(spectrum: Spectrum, threshold: float, rate: float, formulation: For
     values = spectrum.rightmost(threshold)
     # An eigenvalue is on the axis within rounding of the growth rates met on the way; a defective one moves as a square root.
     tolerance = AXIS * max(rate, abs(values[0][0]))
-    critical = [(value, weight) for value, weight in values if abs(value.real) <= tolerance]
-    stable = [value for value, _ in values if abs(value.real) > tolerance]
+    noise = ROUNDING * (max(rate, abs(values[0][0])) if formulation.interval else max(abs(value) for value, _ in values))
+    critical, stable = on_the_axis(values, tolerance, noise)
     rest = tuple(dict.fromkeys([*stable[:4], *sorted(stable, key=abs)[:4]]))
     oscillating = [value for value, _ in critical if abs(value.imag) > 30 * tolerance]
     still = [value for value, _ in critical if abs(value.imag) <= 30 * tolerance]
@@ -290,6 +291,16 @@ def classify(spectrum: Spectrum, threshold: float, rate: float, formulation: For
                               "a defective (Takens-Bogdanov) eigenvalue is not of this class")
     frequency = None if still else frequency_of(oscillating, rotating, listing, where)
     return Onset(kind="steady" if still else "hopf", weight=critical[0][1], control=threshold, frequency=frequency, other_eigenvalues=rest)
+
+
+def on_the_axis(values: Sequence[tuple[complex, int]], tolerance: float, noise: float) -> tuple[list[tuple[complex, int]], list[complex]]:
+    """Return the eigenvalues on the axis, and the others.
+
+    One within `tolerance` of the axis is off it if its distance is far above `noise` and above that of the nearest: the parts into which
+    rounding tears a defective eigenvalue are all as far away.
+    """
+    limit = min(tolerance, max(noise, 1e3 * min(abs(value.real) for value, _ in values)))
+    return [pair for pair in values if abs(pair[0].real) <= limit], [value for value, _ in values if abs(value.real) > limit]
 
 
 def frequency_of(oscillating: Sequence[complex], rotating: bool, listing: str, where: str) -> float:
