@@ -280,6 +280,9 @@ def classify(spectrum: Spectrum, threshold: float, rate: float, formulation: For
     listing = ", ".join(shown(value, tolerance) for value, _ in critical)
     where = f"at {formulation.problem.control} = {threshold:.10g}"
     rotating = formulation.frame is not None
+    if not critical:
+        raise DerivationError(f"threshold: found the eigenvalue {shown(values[0][0])} {where}, where stability is lost; expected one on the imaginary axis; "
+                              "one that jumps over it, or is torn by rounding because it is defective, is not of this class")
     if oscillating and still:
         raise DerivationError(f"threshold: found a zero eigenvalue together with a pair {where}: {listing}; expected no other eigenvalue on the imaginary axis")
     if rotating and {abs(weight) for _, weight in critical} != {1}:
