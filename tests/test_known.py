@@ -33,7 +33,7 @@ KNOWN = {
     "vec_pitch": ("0", {"dot(A,A)*A": ("-1", "0"), "mu*A": ("1", "0")}),
     "zero_cubic": ("0", {"A**3": ("0", "0"), "mu*A": ("1", "0")}),
     # D = m S/(K + S) at S = S_in; S_1 = -A/Y, and dA/dt = mu A - m K/(K + S_in)^2 A^2/Y: all eigenvalues are small beside those at the lower end
-    "slow_washout": (Decimal("-0.012345") / 1012345, {"A**2": (-7 / (3 * Decimal(1012345) ** 2), "0"), "mu*A": ("1", "0")}),
+    "slow_washout": ("-5e-7", {"A**2": (-Decimal(7) / 12, "0"), "mu*A": ("1", "0")}),
     # z_0 = 2 |A|^2/zeta, z_2 = A^2/(zeta + 2 i omega): another eigenvalue is a millionth of the frequency from the axis
     "slow_neighbour": ("0", {"A**2*conj(A)": (-Decimal(7) / 600 + 1 / (ZETA**2 + 4 * OMEGA**2), (3 * Decimal("1e-6") + 2 / ZETA + ZETA / (ZETA**2 + 4 * OMEGA**2)) / (2 * OMEGA)), "mu*A": ("0.5", "0")}),
     "aux": ("1", {"A**3": ("-0.75", "0"), "mu*A": ("1", "0")}),
