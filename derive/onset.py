@@ -107,6 +107,8 @@ class Spectrum:
             elif np.abs(fine).min() > 1e6:
                 return []
             if len(meshes) == 2 and not len(good):
+                if 0 in pencil.counts:
+                    raise ProblemError(f"boundary: found all {sum(pencil.counts)} rows at one end, and no eigenvalues: a problem of initial values; expected rows at both ends")
                 raise DerivationError(f"threshold: found eigenvalues at {self.formulation.problem.control} = {control:.10g} that {meshes[1].size} nodes do not resolve; "
                                       "expected a mode that is smooth on that scale")
             if len(meshes) == 2:
