@@ -21,6 +21,9 @@ from derive.pencil import Mesh, Pencil, compiled
 from derive.statement import DerivationError, ProblemError
 
 SCAN = 61
+MOST_PLACES = 300
+DEPTH = 8
+BENT = 1e-2
 AXIS = 1e-6
 ROUNDING = 1e-9
 
@@ -178,7 +181,7 @@ def bracket_of(spectrum: Spectrum, low: float, high: float, growth_at_low: float
     """Return two controls between which stability is lost for the first time, by a scan that looks closer at peaks near zero."""
     formulation = spectrum.formulation
     history = [(low, growth_at_low)]
-    for control in map(float, np.linspace(low, high, SCAN)[1:]):
+    for control in places(spectrum, low, high)[1:]:
         previous = history[-1][0]
         try:
             growth = spectrum.growth(control)
@@ -193,6 +196,20 @@ def bracket_of(spectrum: Spectrum, low: float, high: float, growth_at_low: float
                 return history[-3][0], top
     raise ProblemError(f"control_range: found no loss of stability between {formulation.control_range[0]} and {formulation.control_range[1]} (largest growth rate "
                        f"{max(value for _, value in history):.6g}, at the upper end {history[-1][1]:.6g}); expected one; widen control_range")
+
+
+def places(spectrum: Spectrum, low: float, high: float) -> list[float]:
+    """Return where to look for a loss of stability: equidistant controls, and more where the equations change fast with the control."""
+    found = list(np.linspace(low, high, SCAN))
+    left, right = np.array(found[:-1]), np.array(found[1:])
+    for _ in range(DEPTH):
+        bent = np.max([pencil.bends(left, right) for pencil in spectrum.pencils.values() if pencil.size], axis=0, initial=0) > BENT
+        if not np.any(bent) or len(found) > MOST_PLACES:
+            break
+        edges = left[bent][:, None] + (right - left)[bent][:, None] * np.linspace(0, 1, 5)
+        left, right = edges[:, :-1].ravel(), edges[:, 1:].ravel()
+        found += list(edges[:, 1:-1].ravel())
+    return sorted(map(float, found))
 
 
 def crossing(growth: Callable[[float], float], low: float, high: float) -> float:
@@ -235,10 +252,12 @@ def peak_of(growth: Callable[[float], float], low: float, high: float, tolerance
 
 def near_zero_peak(points: Sequence[tuple[float, float]]) -> bool:
     """Tell whether a parabola through three points has a maximum between them that could reach zero."""
-    (_, a), (_, b), (_, c) = points
+    (left, a), (middle, b), (right, c) = points
     if b <= max(a, c):
         return False
-    top = b + (a - c) ** 2 / (8 * (2 * b - a - c))
+    before, after = (b - a) / (middle - left), (c - b) / (right - middle)
+    bend = (after - before) / (right - left)
+    top = b - (before + bend * (middle - left)) ** 2 / (4 * bend)
     return top + 2 * (top - min(a, c)) > 0
 
 

@@ -85,6 +85,22 @@ def test_no_warning_for_others_that_decay_much_faster():
     assert abs(Decimal(result["A**3"].value.re) + Decimal("0.75")) < Decimal("1e-14")
 
 
+@pytest.mark.parametrize("spatial", [False, True])
+def test_a_window_of_instability_between_the_places_of_the_scan_is_found(spatial):
+    """Growth 3/(1 + X^2) - 1 with X = 3000 (m - 0.2871) is positive in a thousandth of the range, another mode grows at 0.9 only: X = -sqrt(2) is first."""
+    s, t, m = *symbols("s t", real=True), Symbol("m", real=True)
+    x, y = (field(name, *((s, t) if spatial else (t,))) for name in "xy")
+    diffusion = (lambda u: u.diff(s, 2) / pi**2 + u) if spatial else (lambda u: 0)
+    rows = (x.diff(t) - diffusion(x) - (m - Rational(9, 10)) * x + x**3, y.diff(t) - diffusion(y) - (3 / (1 + (3000 * (m - Rational(2871, 10000))) ** 2) - 1) * y + y**3)
+    inside = {"space": s, "interval": (0, 1), "boundary": {0: (x, y), 1: (x, y)}} if spatial else {}
+    result = evaluate(derive_amplitude_equation(Problem(name="window", time=t, control=m, control_range=(0, 1), fields=(x, y), equations=rows, base_state={x: 0, y: 0},
+                                                        normalisation=(y, Rational(1, 2) if spatial else None), **inside)).emit(), digits=15)
+    root = Decimal(2).sqrt()
+    assert abs(Decimal(result.threshold.control) - (Decimal("0.2871") - root / 3000)) < Decimal("1e-15")
+    assert abs(Decimal(result["mu*A"].value.re) - 2000 * root) < Decimal("1e-11")
+    assert abs(Decimal(result["A**3"].value.re) + (Decimal("0.75") if spatial else 1)) < Decimal("1e-14")
+
+
 def test_a_redundant_row_with_time_derivatives_is_taken_and_one_that_contradicts_is_not():
     """The sum of two oscillators' rows follows from them; with another cubic term it contradicts the amplitude equation's dA/dt only."""
     t, c = symbols("t", real=True), Symbol("c", real=True)
