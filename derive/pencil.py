@@ -24,6 +24,7 @@ from derive.expand import coefficients_in, expand
 from derive.formulation import Formulation
 from derive.operator import LAMBDA, FirstOrderOperator
 from derive.ordinary import AlgebraicOperator
+from derive.statement import ProblemError
 
 NODES = (28, 44, 72, 120, 200)
 PANEL_NODES = (8, 12, 16)
@@ -283,6 +284,8 @@ def finite_eigenvalues(operator: AlgebraicOperator, formulation: Formulation) ->
     control = low + (high - low) * Rational(61803, 100000)
     entries = [[entry.subs(formulation.parameters).subs(formulation.control, control) for entry in row] for row in operator.matrix]
     determinant = expand(Matrix(entries).det(method="berkowitz")) if entries else Integer(1)
+    if formulation.probe.is_zero(determinant):
+        raise ProblemError("equations: found rows whose linear parts about the base state depend on each other; expected as many independent ones as unknowns: something is left undetermined")
     if LAMBDA not in determinant.free_symbols:
         return 0
     coefficients = coefficients_in(fraction(together(determinant))[0], LAMBDA)
