@@ -451,11 +451,12 @@ def fields_lines(derivation: Derivation, printer: Printer) -> list[str]:
 def nearly_critical(onset: Onset) -> list[tuple[str, str]]:
     """Return the other eigenvalues that are nearly on the imaginary axis, with their relative distance from it; to two digits, which rounding leaves alone.
 
-    The distance is relative to the slowest rate of the problem or the fastest decay: a mode of high frequency is not close because it turns fast.
+    The distance is relative to the slowest rate of the problem or the second slowest decay: a mode of high frequency is not close because it turns
+    fast, nor one because others decay much faster.
     """
     others = onset.other_eigenvalues
     slowest = onset.frequency or min((abs(value) for value in others), default=0.0)
-    scale = max([slowest, *(abs(value.real) for value in others)])
+    scale = max([slowest, *sorted(abs(value.real) for value in others if value.imag >= 0)[:2]])
     found = []
     for value in others:
         distance = abs(value.real) / scale

@@ -12,7 +12,7 @@ from sympy import Derivative, Expr, I, ImmutableMatrix, Integer, Rational, Symbo
 from sympy.core.function import AppliedUndef
 
 from derive.expand import expand
-from derive.statement import ProblemError, as_tuple, components, epsilon, exact, is_vector, ordered_symbols
+from derive.statement import ProblemError, as_tuple, components, epsilon, evaluated, exact, is_vector, ordered_symbols
 from derive.zero import Probe
 
 if TYPE_CHECKING:
@@ -140,7 +140,8 @@ class Translation:
 
     def translated(self, value: Any, what: str) -> Expr:
         """Return an expression in jets and in symbols of our own, or refuse it."""
-        expression = self.in_jets(exact(exact(value, what).doit(), what), what)
+        expression = self.in_jets(evaluated(value, what), what)
+        self.check_symbols(expression, what)
         symbols = set(self.jets.values())
         for node in preorder_traversal(expression):
             kind = type(node).__name__
@@ -151,12 +152,14 @@ class Translation:
         expression = self.smooth(expression, what).xreplace(self.user_symbols)
         if expression.has(I) and not self.rotating:
             raise ProblemError(f"{what}: found I; expected real equations: write real and imaginary parts as two fields")
-        self.check_symbols(expression, what)
         return expression
 
     def in_jets(self, expression: Expr, what: str) -> Expr:
         """Return the expression with jets in place of fields and their derivatives."""
         combination = self.scalars.combination
+        strangers = sorted(expression.atoms(AppliedUndef) - set(combination), key=str)
+        if strangers:
+            raise ProblemError(f"{what}: found {strangers[0]}; expected only the declared fields at ({', '.join(map(str, arguments_of(self.problem)))})")
         replacement: dict[Any, Expr] = {}
         for derivative in sorted(expression.atoms(Derivative), key=str):
             if derivative.expr not in combination:
@@ -164,13 +167,8 @@ class Translation:
             ds, dt = self.orders(derivative, what)
             replacement[derivative] = sum((factor * self.jet(index, ds, dt) for factor, index in combination[derivative.expr]), Integer(0))
         for part in sorted(expression.atoms(AppliedUndef), key=str):
-            if part in combination:
-                replacement[part] = sum((factor * self.jet(index, 0, 0) for factor, index in combination[part]), Integer(0))
-        expression = expression.xreplace(replacement)
-        strangers = sorted(expression.atoms(AppliedUndef), key=str)
-        if strangers:
-            raise ProblemError(f"{what}: found {strangers[0]}; expected only the declared fields at ({', '.join(map(str, arguments_of(self.problem)))})")
-        return expression
+            replacement[part] = sum((factor * self.jet(index, 0, 0) for factor, index in combination[part]), Integer(0))
+        return expression.xreplace(replacement)
 
     def orders(self, derivative: Derivative, what: str) -> tuple[int, int]:
         """Return how often a derivative is taken in space and in time."""
@@ -198,8 +196,8 @@ class Translation:
         return expression.xreplace(replacement)
 
     def check_symbols(self, expression: Expr, what: str) -> None:
-        """Refuse a symbol that is neither declared nor has a value."""
-        allowed = {*self.user_symbols.values(), *self.jets.values()}
+        """Refuse a symbol that is neither declared nor has a value; time is refused with words of its own."""
+        allowed = {*self.user_symbols, *self.jets.values(), self.problem.time}
         unset = next((symbol for symbol in ordered_symbols(expression) if symbol not in allowed), None)
         if unset is None:
             return
@@ -461,12 +459,12 @@ def base_of(translation: Translation, frame: Frame | None) -> tuple[Expr, ...]:
     for key, number in scalars.numbers.items():
         if key not in stated:
             raise ProblemError(f"base_state: found nothing for {title_of(key)}; expected the steady state of every field")
-        parts = components(stated[key], f"base_state of {key}")
+        parts = components(stated[key], f"base_state of {title_of(key)}")
         size = len(scalars.of_field(number))
         if len(parts) == 1 and size == 3 and parts[0] == 0:
             parts = (0, 0, 0)
         if len(parts) != size:
-            raise ProblemError(f"base_state: found shape {len(parts)} for {key}; expected {size}")
+            raise ProblemError(f"base_state: found {len(parts)} component{'s' * (len(parts) > 1)} for {title_of(key)}; expected {size}")
         found = [steady(translation, part, f"base_state of {title_of(key)}") for part in parts]
         if frame is not None and size == 3:
             e1, e2, normal = frame
@@ -478,7 +476,7 @@ def base_of(translation: Translation, frame: Frame | None) -> tuple[Expr, ...]:
 
 def steady(translation: Translation, part: Any, what: str) -> Expr:
     """Return one component of the base state in symbols of our own."""
-    expression = exact(part, "base_state")
+    expression = evaluated(part, "base_state")
     allowed = {*translation.ranges, *translation.values}
     strange = [*(symbol for symbol in ordered_symbols(expression) if symbol not in allowed), *sorted(expression.atoms(AppliedUndef), key=str)]
     if strange:

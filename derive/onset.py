@@ -21,7 +21,11 @@ from derive.pencil import Mesh, Pencil, compiled
 from derive.statement import DerivationError, ProblemError
 
 SCAN = 61
+MOST_PLACES = 300
+DEPTH = 8
+BENT = 1e-2
 AXIS = 1e-6
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,6 +110,8 @@ class Spectrum:
             elif np.abs(fine).min() > 1e6:
                 return []
             if len(meshes) == 2 and not len(good):
+                if 0 in pencil.counts:
+                    raise ProblemError(f"boundary: found all {sum(pencil.counts)} rows at one end, and no eigenvalues: a problem of initial values; expected rows at both ends")
                 raise DerivationError(f"threshold: found eigenvalues at {self.formulation.problem.control} = {control:.10g} that {meshes[1].size} nodes do not resolve; "
                                       "expected a mode that is smooth on that scale")
             if len(meshes) == 2:
@@ -175,7 +181,7 @@ def bracket_of(spectrum: Spectrum, low: float, high: float, growth_at_low: float
     """Return two controls between which stability is lost for the first time, by a scan that looks closer at peaks near zero."""
     formulation = spectrum.formulation
     history = [(low, growth_at_low)]
-    for control in map(float, np.linspace(low, high, SCAN)[1:]):
+    for control in places(spectrum, low, high)[1:]:
         previous = history[-1][0]
         try:
             growth = spectrum.growth(control)
@@ -190,6 +196,20 @@ def bracket_of(spectrum: Spectrum, low: float, high: float, growth_at_low: float
                 return history[-3][0], top
     raise ProblemError(f"control_range: found no loss of stability between {formulation.control_range[0]} and {formulation.control_range[1]} (largest growth rate "
                        f"{max(value for _, value in history):.6g}, at the upper end {history[-1][1]:.6g}); expected one; widen control_range")
+
+
+def places(spectrum: Spectrum, low: float, high: float) -> list[float]:
+    """Return where to look for a loss of stability: equidistant controls, and more where the equations change fast with the control."""
+    found = list(np.linspace(low, high, SCAN))
+    left, right = np.array(found[:-1]), np.array(found[1:])
+    for _ in range(DEPTH):
+        bent = np.max([pencil.bends(left, right) for pencil in spectrum.pencils.values() if pencil.size], axis=0, initial=0) > BENT
+        if not np.any(bent) or len(found) > MOST_PLACES:
+            break
+        edges = left[bent][:, None] + (right - left)[bent][:, None] * np.linspace(0, 1, 5)
+        left, right = edges[:, :-1].ravel(), edges[:, 1:].ravel()
+        found += list(edges[:, 1:-1].ravel())
+    return sorted(map(float, found))
 
 
 def crossing(growth: Callable[[float], float], low: float, high: float) -> float:
@@ -232,10 +252,12 @@ def peak_of(growth: Callable[[float], float], low: float, high: float, tolerance
 
 def near_zero_peak(points: Sequence[tuple[float, float]]) -> bool:
     """Tell whether a parabola through three points has a maximum between them that could reach zero."""
-    (_, a), (_, b), (_, c) = points
+    (left, a), (middle, b), (right, c) = points
     if b <= max(a, c):
         return False
-    top = b + (a - c) ** 2 / (8 * (2 * b - a - c))
+    before, after = (b - a) / (middle - left), (c - b) / (right - middle)
+    bend = (after - before) / (right - left)
+    top = b - (before + bend * (middle - left)) ** 2 / (4 * bend)
     return top + 2 * (top - min(a, c)) > 0
 
 
@@ -271,14 +293,17 @@ def classify(spectrum: Spectrum, threshold: float, rate: float, formulation: For
     values = spectrum.rightmost(threshold)
     # An eigenvalue is on the axis within rounding of the growth rates met on the way; a defective one moves as a square root.
     tolerance = AXIS * max(rate, abs(values[0][0]))
-    critical = [(value, weight) for value, weight in values if abs(value.real) <= tolerance]
-    stable = [value for value, _ in values if abs(value.real) > tolerance]
+    noise = ROUNDING * (max(rate, abs(values[0][0])) if formulation.interval else max(abs(value) for value, _ in values))
+    critical, stable = on_the_axis(values, tolerance, noise)
     rest = tuple(dict.fromkeys([*stable[:4], *sorted(stable, key=abs)[:4]]))
     oscillating = [value for value, _ in critical if abs(value.imag) > 30 * tolerance]
     still = [value for value, _ in critical if abs(value.imag) <= 30 * tolerance]
     listing = ", ".join(shown(value, tolerance) for value, _ in critical)
     where = f"at {formulation.problem.control} = {threshold:.10g}"
     rotating = formulation.frame is not None
+    if not critical:
+        raise DerivationError(f"threshold: found the eigenvalue {shown(values[0][0])} {where}, where stability is lost; expected one on the imaginary axis; "
+                              "one that jumps over it, or is torn by rounding because it is defective, is not of this class")
     if oscillating and still:
         raise DerivationError(f"threshold: found a zero eigenvalue together with a pair {where}: {listing}; expected no other eigenvalue on the imaginary axis")
     if rotating and {abs(weight) for _, weight in critical} != {1}:
@@ -290,6 +315,16 @@ def classify(spectrum: Spectrum, threshold: float, rate: float, formulation: For
                               "a defective (Takens-Bogdanov) eigenvalue is not of this class")
     frequency = None if still else frequency_of(oscillating, rotating, listing, where)
     return Onset(kind="steady" if still else "hopf", weight=critical[0][1], control=threshold, frequency=frequency, other_eigenvalues=rest)
+
+
+def on_the_axis(values: Sequence[tuple[complex, int]], tolerance: float, noise: float) -> tuple[list[tuple[complex, int]], list[complex]]:
+    """Return the eigenvalues on the axis, and the others.
+
+    One within `tolerance` of the axis is off it if its distance is far above `noise` and above that of the nearest: the parts into which
+    rounding tears a defective eigenvalue are all as far away.
+    """
+    limit = min(tolerance, max(noise, 1e3 * min(abs(value.real) for value, _ in values)))
+    return [pair for pair in values if abs(pair[0].real) <= limit], [value for value, _ in values if abs(value.real) > limit]
 
 
 def frequency_of(oscillating: Sequence[complex], rotating: bool, listing: str, where: str) -> float:

@@ -24,6 +24,7 @@ from derive.expand import coefficients_in, expand
 from derive.formulation import Formulation
 from derive.operator import LAMBDA, FirstOrderOperator
 from derive.ordinary import AlgebraicOperator
+from derive.statement import ProblemError
 
 NODES = (28, 44, 72, 120, 200)
 PANEL_NODES = (8, 12, 16)
@@ -31,6 +32,9 @@ MOST_PANELS = 64
 RESOLVED = 1e-8
 BETWEEN = 32
 """places between the nodes, for each node, where a polynomial is compared with its function"""
+SHARES = (0.13, 0.49, 0.83)
+CUBIC = np.vander(np.linspace(0, 1, 25), 4) @ np.linalg.inv(np.vander(np.linspace(0, 1, 4), 4))
+"""from a cubic at four places to its values at 25"""
 GROWTH = 8.0
 SHIFT = 0.6180339887498949
 
@@ -111,6 +115,22 @@ class Pencil:
             for k, value in enumerate(found):
                 values[k] = value
         return values
+
+    def bends(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how far the rows, scaled to length 1, are from cubics on intervals of the control, at the place of three where they are least so."""
+        controls = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, len(CUBIC))
+        least = np.full(len(low), np.inf)
+        for share in SHARES:
+            place = np.full(controls.size, self.interval[0] + share * (self.interval[1] - self.interval[0]))
+            entries = self.evaluated(place, controls.ravel().astype(complex))
+            rows = np.split(entries, np.cumsum([width * (self.degree + 1) for width in self.width])[:-1])
+            with np.errstate(all="ignore"):
+                scaled = np.concatenate([row / np.sqrt((np.abs(row) ** 2).sum(axis=0)) for row in rows]).reshape(-1, *controls.shape)
+            apart = np.abs(scaled - scaled[:, :, ::len(CUBIC) // 3] @ CUBIC.T).max(axis=(0, 2))
+            least = np.minimum(least, np.where(np.isfinite(apart), apart, 0))
+            if not self.spatial:
+                break
+        return least
 
     def ladder(self, control: float) -> tuple[Mesh, ...]:
         """Return meshes of growing resolution: the whole interval, or panels where a coefficient has layers; at last panels graded towards both ends."""
@@ -264,6 +284,8 @@ def finite_eigenvalues(operator: AlgebraicOperator, formulation: Formulation) ->
     control = low + (high - low) * Rational(61803, 100000)
     entries = [[entry.subs(formulation.parameters).subs(formulation.control, control) for entry in row] for row in operator.matrix]
     determinant = expand(Matrix(entries).det(method="berkowitz")) if entries else Integer(1)
+    if formulation.probe.is_zero(determinant):
+        raise ProblemError("equations: found rows whose linear parts about the base state depend on each other; expected as many independent ones as unknowns: something is left undetermined")
     if LAMBDA not in determinant.free_symbols:
         return 0
     coefficients = coefficients_in(fraction(together(determinant))[0], LAMBDA)

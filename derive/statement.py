@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from sympy import Dummy, Expr, Float, Function, ImmutableMatrix, MatrixBase, Rational, Symbol, nan, oo, sympify, zoo
+from sympy import Dummy, Expr, Float, Function, ImmutableMatrix, Limit, MatrixBase, Rational, Subs, Symbol, nan, oo, sympify, zoo
+from sympy.concrete.expr_with_limits import ExprWithLimits
 
 epsilon = Dummy("epsilon", real=True)
 """The size of a weak effect; see design section 2."""
@@ -49,6 +50,15 @@ def exact(value: Any, what: str) -> Expr:
         raise ProblemError(f"{what}: found the float {floats[0]}; expected an exact number: {exact_advice(floats[0])}")
     if expression.has(nan, zoo, oo, -oo):
         raise ProblemError(f"{what}: found {expression}; expected a finite expression")
+    return expression
+
+
+def evaluated(value: Any, what: str) -> Expr:
+    """Return an exact expression with all that can be evaluated done; refuse an integral, a sum or a limit that is left."""
+    expression = exact(exact(value, what).doit(), what)
+    left = sorted(expression.atoms(ExprWithLimits, Limit, Subs), key=str)
+    if left:
+        raise ProblemError(f"{what}: found {left[0]}; expected an expression at one place: for an integral over s introduce a field whose derivative is the integrand")
     return expression
 
 

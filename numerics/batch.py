@@ -312,7 +312,7 @@ class Evaluator:
             roots = self.corrected(*guess, self.nominal_point)
             if roots.reason[0]:
                 continue
-            values, _, _ = self.values(roots, self.nominal_point)
+            values = with_meaning(self.values(roots, self.nominal_point)[0], names)
             largest = max(np.abs(one).max() for one in values.values())
             spread = max(float(np.abs(one[0] - one[1]).max() / max(np.abs(one).max(), 1e-3 * largest, 1e-300)) for one in values.values())
             spread = max(spread, float(np.ptp(roots.control) / (np.abs(roots.control).max() + 1e-3 * self.width)))
@@ -678,13 +678,24 @@ class Estimate:
     troubles: list[tuple[Array, str]]
 
 
+def with_meaning(values: dict[str, Array], names: Mapping[str, Any]) -> dict[str, Array]:
+    """Return the values of both rules with 0 for a cubic coefficient beside a quadratic one: the response that it needs does not exist."""
+    if names["QUADRATIC"] is None:
+        return values
+    quadratic = values["coefficient_A2"]
+    size = np.abs(quadratic).max(axis=0)
+    present = (size > 1e-10 * (1 + size)) & (np.abs(quadratic[0] - quadratic[1]) < 1e-4 * size)
+    cubic = next(identifier for _, monomial, identifier in names["COEFFICIENTS"] if monomial == "A**3")
+    return {**values, cubic: np.where(present, 0, values[cubic])}
+
+
 def spread_of(evaluator: Evaluator, roots: Roots, values: dict[str, Array]) -> Array:
     """Return the relative differences of the two rules, the largest of all coefficients."""
     result = np.zeros((3, roots.control.shape[1]))
     result[0] = np.abs(roots.control[0] - roots.control[1]) / (np.abs(roots.control[0]) + 1e-3 * evaluator.width)
     if evaluator.hopf:
         result[1] = np.abs(roots.frequency[0] - roots.frequency[1]) / np.abs(roots.frequency[0])
-    every = np.stack(list(values.values()))
+    every = np.stack(list(with_meaning(values, evaluator.module.names).values()))
     size = np.abs(every).max(axis=1)
     result[2] = np.maximum(result[0], (np.abs(every[:, 0] - every[:, 1]) / (size + 1e-3 * size.max(axis=0) + 1e-300)).max(axis=0))
     return result

@@ -11,6 +11,7 @@ from derive.statement import ProblemError
 from numerics import EvaluationError, evaluate
 
 PI = Decimal("3.14159265358979323846264338327950288")
+ZETA, OMEGA = Decimal("0.001"), Decimal(1000003).sqrt()
 
 KNOWN = {
     # Kuznetsov's formula for the Brusselator with A = 1: -(2 + A^2)/(2 A^2), -(4 - 7 A^2 + 4 A^4)/(6 A^3)
@@ -31,6 +32,10 @@ KNOWN = {
     "weak_scalar": ("0", {"A**2*conj(A)": ("-0.5", "0"), "mu*A": ("0.5", "0"), "epsilon*A": ("0", Decimal(1) / 6)}),
     "vec_pitch": ("0", {"dot(A,A)*A": ("-1", "0"), "mu*A": ("1", "0")}),
     "zero_cubic": ("0", {"A**3": ("0", "0"), "mu*A": ("1", "0")}),
+    # D = m S/(K + S) at S = S_in; S_1 = -A/Y, and dA/dt = mu A - m K/(K + S_in)^2 A^2/Y: all eigenvalues are small beside those at the lower end
+    "slow_washout": ("-5e-7", {"A**2": (-Decimal(7) / 12, "0"), "mu*A": ("1", "0")}),
+    # z_0 = 2 |A|^2/zeta, z_2 = A^2/(zeta + 2 i omega): another eigenvalue is a millionth of the frequency from the axis
+    "slow_neighbour": ("0", {"A**2*conj(A)": (-Decimal(7) / 600 + 1 / (ZETA**2 + 4 * OMEGA**2), (3 * Decimal("1e-6") + 2 / ZETA + ZETA / (ZETA**2 + 4 * OMEGA**2)) / (2 * OMEGA)), "mu*A": ("0.5", "0")}),
     "auxiliary": ("1", {"A**3": ("-0.75", "0"), "mu*A": ("1", "0")}),
 }
 
@@ -65,6 +70,35 @@ def test_routes_agree_on_every_problem(name):
         for one in chebyshev.coefficients:
             size = max(abs(complex(one.value)), 1e-12)
             assert abs(complex(one.value) - complex(other[one.monomial].value)) <= 1e-14 * size
+
+
+def test_no_warning_for_others_that_decay_much_faster():
+    """u_t = -u_8 + u_4/2 + r u - u^3 with modes sin((n + 1/2) s): the growth rates are 0, -23, -1506, ..., and none is near the first."""
+    s, t, r = *symbols("s t", real=True), Symbol("r", real=True)
+    u = field("u", s, t)
+    odd, even = (u.diff(s, k) for k in (1, 3, 5, 7)), (u, *(u.diff(s, k) for k in (2, 4, 6)))
+    result = evaluate(derive_amplitude_equation(Problem(
+        name="eighth", space=s, interval=(0, pi), time=t, control=r, control_range=(-1, 4), fields=(u,), equations=(u.diff(t) + u.diff(s, 8) - u.diff(s, 4) / 2 - r * u + u**3,),
+        boundary={0: even, pi: tuple(odd)}, base_state={u: 0}, normalisation=(u, pi))).emit(), digits=15)
+    assert not result.warnings
+    assert abs(Decimal(result.threshold.control) - (Decimal(1) / 256 - Decimal(1) / 32)) < Decimal("1e-15")
+    assert abs(Decimal(result["A**3"].value.re) + Decimal("0.75")) < Decimal("1e-14")
+
+
+@pytest.mark.parametrize("spatial", [False, True])
+def test_a_window_of_instability_between_the_places_of_the_scan_is_found(spatial):
+    """Growth 3/(1 + X^2) - 1 with X = 3000 (m - 0.2871) is positive in a thousandth of the range, another mode grows at 0.9 only: X = -sqrt(2) is first."""
+    s, t, m = *symbols("s t", real=True), Symbol("m", real=True)
+    x, y = (field(name, *((s, t) if spatial else (t,))) for name in "xy")
+    diffusion = (lambda u: u.diff(s, 2) / pi**2 + u) if spatial else (lambda u: 0)
+    rows = (x.diff(t) - diffusion(x) - (m - Rational(9, 10)) * x + x**3, y.diff(t) - diffusion(y) - (3 / (1 + (3000 * (m - Rational(2871, 10000))) ** 2) - 1) * y + y**3)
+    inside = {"space": s, "interval": (0, 1), "boundary": {0: (x, y), 1: (x, y)}} if spatial else {}
+    result = evaluate(derive_amplitude_equation(Problem(name="window", time=t, control=m, control_range=(0, 1), fields=(x, y), equations=rows, base_state={x: 0, y: 0},
+                                                        normalisation=(y, Rational(1, 2) if spatial else None), **inside)).emit(), digits=15)
+    root = Decimal(2).sqrt()
+    assert abs(Decimal(result.threshold.control) - (Decimal("0.2871") - root / 3000)) < Decimal("1e-15")
+    assert abs(Decimal(result["mu*A"].value.re) - 2000 * root) < Decimal("1e-11")
+    assert abs(Decimal(result["A**3"].value.re) + (Decimal("0.75") if spatial else 1)) < Decimal("1e-14")
 
 
 def test_a_redundant_row_with_time_derivatives_is_taken_and_one_that_contradicts_is_not():

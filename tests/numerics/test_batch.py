@@ -49,7 +49,7 @@ def assert_entry_holds(batch, place, result, loosest=1e-12):
         assert error <= 20 * loosest * max(abs(true), 1), one.name
 
 
-@pytest.mark.parametrize("name", ["follower_force", "van_der_pol", "beck", "lorenz_hopf", "weak_iso", "robin", *(pytest.param(name, marks=pytest.mark.slow) for name in (
+@pytest.mark.parametrize("name", ["follower_force", "van_der_pol", "beck", "lorenz_hopf", "weak_iso", "robin", "vec_quadratic", *(pytest.param(name, marks=pytest.mark.slow) for name in (
     "varcoef", "sixth", "weak_scalar", "follower_force_planar", "swift_hohenberg", "tipmass", "brus_pde", "pipe", "ff_weak", "fisher", "layer", "ff_gravity"))])
 def test_nominal_values_agree_with_25_digits(name):
     text = emitted(name)
