@@ -11,7 +11,7 @@ proves one and only one root in the box X, and that it lies in the left side.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import flint
@@ -86,52 +86,63 @@ def slopes_at(determinant: Determinant, control: arb, frequency: arb | None, sca
 
 
 def approach(determinant: Determinant, control: arb, frequency: arb | None, scale: arb, bits: int) -> tuple[arb, arb | None]:
-    """Return a root to nearly `bits` bits, without a proof: Newton's method from a double, the precision doubled on the way."""
+    """Return a root to nearly `bits` bits, without a proof: Newton's method from a double with Broyden's update of the slopes, the precision doubled on the way."""
     levels = [bits]
     while levels[-1] > 160:
         levels.append(levels[-1] // 2 + 16)
     start, level = control, levels.pop()
-    inverse: list[list[arb]] = []
+    slopes: list[acb] = []
+    steps: list[arb] = []
+    sizes = [scale] if frequency is None else [scale, abs(frequency).mid()]
     before = arb(1)
     for _ in range(60):
         with working_precision(level):
             value = determinant(acb(control), acb(frequency if frequency is not None else 0)).mid()
-            if not inverse or level < bits:
-                inverse = inverse_slopes(determinant, control, frequency, scale, value)
-            parts = [value.real, value.imag]
-            steps = [sum((a * b for a, b in zip(line, parts, strict=True)), arb(0)).mid() for line in inverse]
+            length = sum((step * step / (size * size) for step, size in zip(steps, sizes, strict=False)), arb(0)).mid()
+            if not slopes:
+                slopes = differences(determinant, control, frequency, sizes, value)
+            elif length > 0:  # a full step leaves D = J' dx - J dx: J' is the nearest to J that does
+                slopes = [(slope - value * step / (size * size * length)).mid() for slope, step, size in zip(slopes, steps, sizes, strict=True)]
+            steps = newton_step(slopes, value)
             control = (control - steps[0]).mid()
-            size = abs(steps[0]) / scale
-            if frequency is not None:
-                frequency = (frequency - steps[1]).mid()
-                size = size + abs(steps[1]) / abs(frequency)
+            frequency = (frequency - steps[1]).mid() if frequency is not None else None
+            size = sum((abs(step) / size for step, size in zip(steps, sizes, strict=True)), arb(0)).mid()
             if not size < arb("0.1") or abs(control - start) > scale / 100:
                 raise Unproved("Newton's method leaves the neighbourhood of the derivation's threshold")
+            left = size * (size / before).min(arb(1)) if before > 0 else size  # of the root: steps shrink faster and faster
             if level < bits:
                 if size < arb(2) ** (24 - level // 2):
                     level = levels.pop()
-            elif size < arb(2) ** (24 - level) or before < arb(2) ** (-level // 3) and size > before / 4:
+            elif left < arb(2) ** (20 - level) or before < arb(2) ** (-level // 3) and size > before / 4:
                 return control, frequency
+            if size > before / 8:
+                slopes = []
             before = size
     raise Unproved("Newton's method does not converge to the threshold")
 
 
-def inverse_slopes(determinant: Determinant, control: arb, frequency: arb | None, scale: arb, value: acb) -> list[list[arb]]:
-    """Return the rows that turn (Re D, Im D) into Newton's steps, from differences."""
-    half = arb(2) ** (-(flint.ctx.prec // 2))
-    h = (scale * half).mid()
-    a = ((determinant(acb(control + h), acb(frequency if frequency is not None else 0)) - value) / h).mid()
-    if frequency is None:
-        if a == 0:
+def differences(determinant: Determinant, control: arb, frequency: arb | None, sizes: Sequence[arb], value: acb) -> list[acb]:
+    """Return the derivatives of D as difference quotients over half the bits."""
+    point = [acb(control), acb(frequency if frequency is not None else 0)]
+    result = []
+    for k, size in enumerate(sizes):
+        h = (size * arb(2) ** (-(flint.ctx.prec // 2))).mid()
+        moved = [z + h if j == k else z for j, z in enumerate(point)]
+        result.append(((determinant(moved[0], moved[1]) - value) / h).mid())
+    return result
+
+
+def newton_step(slopes: Sequence[acb], value: acb) -> list[arb]:
+    """Return the real step that makes D + J dx vanish, with the opposite sign."""
+    if len(slopes) == 1:
+        if slopes[0] == 0:
             raise Unproved("the critical eigenvalue does not cross the axis with the control")
-        one = 1 / a
-        return [[one.real.mid(), -one.imag.mid()]]
-    k = (abs(frequency) * half).mid()
-    b = ((determinant(acb(control), acb(frequency + k)) - value) / k).mid()
+        return [(value / slopes[0]).real.mid()]
+    a, b = slopes
     det = (a.real * b.imag - a.imag * b.real).mid()
     if det == 0:
         raise Unproved("the critical eigenvalue does not cross the axis with the control")
-    return [[(b.imag / det).mid(), (-b.real / det).mid()], [(-a.imag / det).mid(), (a.real / det).mid()]]
+    return [((b.imag * value.real - b.real * value.imag) / det).mid(), ((a.real * value.imag - a.imag * value.real) / det).mid()]
 
 
 def _accurate(slope: acb) -> bool:
