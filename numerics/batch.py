@@ -250,8 +250,8 @@ class Evaluator:
         return Roots(control=control, frequency=frequency, control_step=steps[0], frequency_step=steps[1], reason=reason)
 
     def from_onset(self) -> Roots:
-        """Return the root at the nominal values, from the printed onset and the slopes known there."""
-        control, frequency = self.onset
+        """Return the root at the nominal values, from the one found when the resolution was chosen, with the slopes known there."""
+        control, frequency = self.start.control, self.start.frequency
         scale = abs(control[0, 0]) + self.width * 1e-3, abs(frequency[0, 0]) if self.hopf else 1.0
         before = math.inf
         for _ in range(4):
