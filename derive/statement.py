@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sympy import Dummy, Expr, Float, Function, ImmutableMatrix, Limit, MatrixBase, Rational, Subs, Symbol, nan, oo, sympify, zoo
+from sympy import Dummy, Expr, Float, Function, ImmutableMatrix, Limit, MatrixBase, Rational, Subs, Symbol, SympifyError, nan, oo, sympify, zoo
 from sympy.concrete.expr_with_limits import ExprWithLimits
 
 epsilon = Dummy("epsilon", real=True)
@@ -41,7 +41,7 @@ def exact(value: Any, what: str) -> Expr:
         raise ProblemError(f"{what}: found the float {value!r}; expected an exact number: {advice}")
     try:
         expression = sympify(value, strict=not isinstance(value, int))
-    except Exception as problem:
+    except (SympifyError, TypeError, ValueError, AttributeError) as problem:
         raise ProblemError(f"{what}: found {value!r}; expected an exact number or a SymPy expression") from problem
     if not isinstance(expression, Expr):
         raise ProblemError(f"{what}: found {value!r}; expected a scalar expression")

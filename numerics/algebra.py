@@ -10,7 +10,7 @@ solution of linear boundary-value problems. One emitted text runs over every alg
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from typing import Any, ClassVar
@@ -53,6 +53,13 @@ def stage(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
 def number(value: Any) -> acb:
     """Return an exact int or a number as `acb`."""
     return value if isinstance(value, acb) else acb(value)
+
+
+def across(table: Mapping[tuple[int, int], Any], zero: Any, i: Any) -> dict[str, Any]:
+    """Return the entries of a linear map of the directions e1, e2 across the axis, from those of the circular components (row, column), 0 for + and 1 for -."""
+    a, b, c, d = (table.get(key, zero) for key in ((0, 0), (0, 1), (1, 0), (1, 1)))
+    # A_1 = (A_+ + A_-)/2, A_2 = (A_+ - A_-)/(2i)
+    return {"11": (a + b + c + d) / 2, "12": i * (a + c - b - d) / 2, "21": (a - c + b - d) / (2 * i), "22": (a - c - b + d) / 2}
 
 
 class Algebra:

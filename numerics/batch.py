@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from numerics.algebra import across
 from numerics.coefficients import Module, evaluate
 from numerics.doubles import Array, DoubleNumbers, Doubles, Scale, largest_of
 from numerics.explicit import Explicit
@@ -147,7 +148,9 @@ class Evaluator:
         probe = DoubleNumbers(control=np.zeros((2, 1, 1)), frequency=np.zeros((2, 1, 1)), values={})
         self.nominal = {name: float(np.real(value)) for name, value in names["parameters"](probe).items()}
         self.names = {names.get("PARAMETER_NAMES", {}).get(name, name): name for name in self.nominal}
-        self.ends = tuple(float(np.real(end)) for end in names["interval"](probe)) if names["SPATIAL"] else ()
+        left, right = names["interval"](probe) if names["SPATIAL"] else (0, 0)
+        self.ends = (float(np.real(left)), float(np.real(right)))
+        self.spatial: bool = names["SPATIAL"]
         low, high = (float(end) for end in names["CONTROL_RANGE"])
         self.range = (low, high)
         self.width = high - low
@@ -161,13 +164,13 @@ class Evaluator:
         with np.errstate(all="ignore"):
             self.choose_resolution()
             nodes, panels = self.resolution
-            if panels == 1 and self.ends:
+            if panels == 1 and self.spatial:
                 with suppress(NotRecorded):
-                    explicit = Explicit(names, self.ends, nodes, list(self.names.values()), self.scales["mode"])  # type: ignore[arg-type]
+                    explicit = Explicit(names, self.ends, nodes, list(self.names.values()), self.scales["mode"])
                     explicit.prepare(self.start.control, self.start.frequency, jolted(self.nominal_point, 2))
                     self.explicit = explicit
             self.ill = float(self.raw_values(self.start, self.nominal_point)[1][0])
-            if self.ends and self.explicit is None:
+            if self.spatial and self.explicit is None:
                 self.confirm(text)
             self.slopes = self.derivatives(*self.onset, self.nominal_point)[1:]
 
@@ -177,9 +180,9 @@ class Evaluator:
         """Return the algebra at thresholds (2, batch) and parameter values (batch, parameters)."""
         values = {name: points[None, :, k, None] * JOLT for k, name in enumerate(self.names.values())}
         common: dict[str, Any] = {"control": control[..., None], "frequency": frequency[..., None], "values": values, "scales": self.scales}
-        if not self.ends:
+        if not self.spatial:
             return DoubleNumbers(**common)
-        return Doubles(ends=self.ends, nodes=self.resolution[0], panels=self.resolution[1], **common)  # type: ignore[arg-type]
+        return Doubles(ends=self.ends, nodes=self.resolution[0], panels=self.resolution[1], **common)
 
     def residual(self, control: Array, frequency: Array, points: Array) -> Array:
         """Return g(c, omega), shape (rules, batch)."""
@@ -305,7 +308,7 @@ class Evaluator:
         names = self.module.names
         self.onset = guess = np.full((2, 1), float(names["ONSET"][0])), np.full((2, 1), float(names["ONSET"][1] or 0))
         best: tuple[float, tuple[int, int], Roots, dict[str, Scale]] | None = None
-        for resolution in RESOLUTIONS if self.ends else ((0, 1),):
+        for resolution in RESOLUTIONS if self.spatial else ((0, 1),):
             self.resolution, self.scales = resolution, {}
             away = self.algebra(guess[0] + 0.03 * self.width, guess[1] * 1.1, self.nominal_point)
             names["mode"](away), names["adjoint_mode"](away)
@@ -430,7 +433,7 @@ class Evaluator:
             return self.explicit.determinant(control, frequency, jolted(points, 1))
         a = self.algebra(control, frequency, points)
         operator = self.module.names["critical"](a)
-        matrix = a.flow(operator)[1] if self.ends else a.table(operator.matrix)
+        matrix = a.flow(operator)[1] if self.spatial else a.table(operator.matrix)
         return np.linalg.slogdet(matrix[0])[0]  # type: ignore[no-any-return]
 
     def phases(self, shares: Array, control: Array, frequency: Array, points: Array) -> Array:
@@ -791,10 +794,8 @@ def weak_effects(evaluator: Evaluator, values: dict[str, Array], errors: dict[st
         return []
     known = {(row, column): name for name, row, column in names["WEAK"]}
     nothing = np.zeros(next(iter(values.values())).shape[1]) if values else np.zeros(0)
-    a, b, c, d = (values[known[key]][0] if values and key in known else nothing for key in ((0, 0), (0, 1), (1, 0), (1, 1)))
+    entries = across({key: values[name][0] for key, name in known.items() if values}, nothing, 1j)
     error = sum((errors[name] for name in known.values() if name in errors), nothing)
-    # A_1 = (A_+ + A_-)/2, A_2 = (A_+ - A_-)/(2i)
-    entries = {"11": (a + b + c + d) / 2, "12": 1j * (a + c - b - d) / 2, "21": (a - c + b - d) / 2j, "22": (a - c - b + d) / 2}
     titles = names["WEAK_NAMES"]
     if all((np.abs(one) <= error).all() for one in (entries["12"], entries["21"], entries["11"] - entries["22"])):
         return [(titles.get("epsilon*A", "epsilon*A"), "epsilon*A", entries["11"], error)]

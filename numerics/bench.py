@@ -10,6 +10,7 @@ import tracemalloc
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import mpmath
@@ -17,8 +18,8 @@ import numpy as np
 from flint import arb
 
 from numerics import batch, doubles, explicit, sampled
-from numerics.coefficients import GUARD, Module, Resolution, Result, beginning, compute, evaluate, level_of, nodes_for, uniform
-from numerics.naive import Naive, Nested, NestedFiner, Sums, evaluate_naively
+from numerics.coefficients import GUARD, Computed, Module, Resolution, Result, beginning, compute, evaluate, level_of, nodes_for, uniform
+from numerics.naive import Naive, Nested, NestedFiner, Sums, context_of, evaluate_naively
 from numerics.precision import EvaluationError, bits_of, working_precision
 
 Values = dict[str, tuple[Any, Any]]
@@ -98,14 +99,18 @@ def once(module: Module, route: str, digits: int, nodes: int) -> Values:
     with working_precision(192):
         onset = (arb(module.ONSET[0]), arb(module.ONSET[1]) if module.KIND == "hopf" else None)
     result = compute(module, route, bits_of(digits), 192, Resolution(nodes=nodes, breaks=uniform(2)), onset, None)
-    digits = 48
-    values: Values = {"control": (arb_text(result.root.control, digits), None)}
+    return of_computed(module, result, 48)
+
+
+def of_computed(module: Module, found: Computed, digits: int) -> Values:
+    """Return what one computation gives."""
+    values: Values = {"control": (arb_text(found.root.control, digits), None)}
     if module.KIND == "hopf":
-        values["frequency"] = (arb_text(result.root.frequency, digits), None)
+        values["frequency"] = (arb_text(found.root.frequency, digits), None)
     for name, _, identifier in (*module.COEFFICIENTS, *([module.QUADRATIC] if module.QUADRATIC is not None else [])):
-        if identifier in result.values:
-            one = result.values[identifier]
-            values[name] = ((arb_text(one.real, digits), arb_text(one.imag, digits)), None)
+        if identifier in found.values:
+            one = found.values[identifier]
+            values[name] = ((arb_text(one.real, digits), arb_text(one.imag, digits) if module.KIND == "hopf" else "0"), None)
     return values
 
 
@@ -122,19 +127,18 @@ def routes_of(text: str, quick: bool) -> list[Route]:
         Route(name=f"double, {BATCH} at once", family="NumPy doubles, batched", entries=BATCH, run=lambda: of_batch(many(text))),
     ]
 
-    def by(route: str, digits: int) -> Callable[[], Values]:
-        return lambda: of_result(evaluate(text, digits=digits, route=route))
+    def by(route: str, digits: int, certify: bool = False) -> Callable[[], Values]:
+        return lambda: of_result(evaluate(text, digits=digits, route=route, certify=certify, count=False))
 
     routes += [Route(name=f"closed, {digits} digits", family="closed in flint", run=by("closed", digits)) for digits in (15, 30, 50, 100)]
-    routes += [Route(name=f"certified, {digits} digits", family="certified balls", run=lambda digits=digits: of_result(evaluate(text, digits=digits, certify=True, count=False)))  # type: ignore[misc]
-               for digits in (15, 30, 50, 100)]
-    routes += [Route(name=f"closed in mpmath, {digits} digits", family="closed in mpmath", run=lambda digits=digits: naive_values(text, Sums, digits)) for digits in (15, 30, 50)]  # type: ignore[misc]
+    routes += [Route(name=f"certified, {digits} digits", family="certified balls", run=by("auto", digits, certify=True)) for digits in (15, 30, 50, 100)]
+    routes += [Route(name=f"closed in mpmath, {digits} digits", family="closed in mpmath", run=partial(naive_values, text, Sums, digits)) for digits in (15, 30, 50)]
     sizes = (15, 30) if quick else (15, 30, 50)
     routes += [Route(name=f"chebyshev, {digits} digits", family="chebyshev", run=by("chebyshev", digits)) for digits in sizes]
-    routes += [Route(name=f"chebyshev, {nodes} nodes x 2", family="chebyshev, fixed nodes", run=lambda nodes=nodes, digits=digits: once(module, "chebyshev", digits, nodes))  # type: ignore[misc]
+    routes += [Route(name=f"chebyshev, {nodes} nodes x 2", family="chebyshev, fixed nodes", run=partial(once, module, "chebyshev", digits, nodes))
                for nodes, digits in FIXED if module.SPATIAL]
     routes += [Route(name=f"quadrature, {digits} digits", family="Gauss-Legendre", run=by("quadrature", digits)) for digits in sizes[:2]]
-    routes += [Route(name=f"quadrature, {nodes} nodes x 2", family="Gauss-Legendre, fixed nodes", run=lambda nodes=nodes, digits=digits: once(module, "quadrature", digits, nodes))  # type: ignore[misc]
+    routes += [Route(name=f"quadrature, {nodes} nodes x 2", family="Gauss-Legendre, fixed nodes", run=partial(once, module, "quadrature", digits, nodes))
                for nodes, digits in FIXED if module.SPATIAL]
     routes += [Route(name="nested quad of mpmath, degree 3", family="nested quadrature in mpmath", run=lambda: naive_values(text, Nested, 15))]
     if not quick:
@@ -167,8 +171,7 @@ def number_of(context: Any, value: Any) -> Any:
 
 def compared(values: Values, reference: Values, digits: int = REFERENCE_DIGITS) -> tuple[Any, Any, tuple[str, ...]]:
     """Return the largest true and claimed relative errors (numbers of mpmath; None: nothing is claimed), and where a claimed error is below the true one."""
-    context = mpmath.MPContext()  # type: ignore[attr-defined]
-    context.dps = digits + 10
+    context = context_of(digits + 10)
     true_error, claimed_error = context.mpf(0), None
     failures = []
     for name, (truth, uncertainty) in reference.items():
@@ -246,14 +249,11 @@ def lost_digits(text: str, result: Result, truth: Values, near: tuple[str, str] 
     resolution = Resolution(nodes=nodes_for(goal), breaks=breaks)
     found = compute(module, result.route, goal, GUARD, resolution, onset, None, width)
     working = level_of(module, result.route, goal, resolution, GUARD).bits / bits_of(1000) * 1000
-    context = mpmath.MPContext()  # type: ignore[attr-defined]
-    context.dps = result.digits + 60
+    context = context_of(result.digits + 60)
     worst = context.mpf(10) ** -round(working)
-    for name, _, identifier in (*module.COEFFICIENTS, *([module.QUADRATIC] if module.QUADRATIC is not None else [])):
-        if identifier in found.values and name in truth:
-            exact, one = number_of(context, truth[name][0]), found.values[identifier]
-            value = context.mpc(arb_text(one.real, context.dps), arb_text(one.imag, context.dps) if module.KIND == "hopf" else 0)
-            worst = max(worst, abs(value - exact) / abs(exact)) if exact else worst
+    for name, (value, _) in of_computed(module, found, context.dps).items():
+        exact = number_of(context, truth[name][0]) if name in truth else 0
+        worst = max(worst, abs(number_of(context, value) - exact) / abs(exact)) if exact else worst
     return float(working + context.log10(worst))
 
 

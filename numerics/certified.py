@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import flint
 from flint import acb, arb
 
-from numerics.algebra import Algebra
+from numerics.algebra import Algebra, across
 from numerics.certified_closed import CertifiedClosed
 from numerics.certified_count import first_instability
 from numerics.certified_linear import CertifiedConstants, Unproved, upper
@@ -274,10 +274,7 @@ def weak_terms(module: Module, enclosed: Enclosed) -> tuple[list[tuple[str, str,
     if not module.WEAK:
         return [], []
     table = {(r, c): enclosed.values[name] for name, r, c in module.WEAK}
-    a, b, c, d = (table.get(key, acb(0)) for key in ((0, 0), (0, 1), (1, 0), (1, 1)))
-    i = acb(0, 1)
-    # A_1 = (A_+ + A_-)/2, A_2 = (A_+ - A_-)/(2i)
-    entries = {"11": (a + b + c + d) / 2, "12": i * (a + c - b - d) / 2, "21": (a - c + b - d) / (2 * i), "22": (a - c - b + d) / 2}
+    entries = across(table, acb(0), acb(0, 1))
     unequal = [entries["12"], entries["21"], entries["11"] - entries["22"]]
     if all(value.contains(0) for value in unequal):
         text = "epsilon*A"

@@ -17,7 +17,7 @@ from typing import Any
 
 from flint import acb, arb
 
-from numerics.algebra import Algebra, Constants, midpoint
+from numerics.algebra import Algebra, Constants, across, midpoint
 from numerics.certified_count import FirstInstability
 from numerics.closed import Closed
 from numerics.precision import EvaluationError, NotClosed, bits_of, working_precision
@@ -597,11 +597,7 @@ def weak_pairs(module: Module, first: Computed, second: Computed) -> list[tuple[
     names = module.WEAK_NAMES
 
     def entries(values: dict[str, acb]) -> dict[str, acb]:
-        table = {(r, c): values[name] for name, r, c in module.WEAK}
-        a, b, c, d = (table.get(key, acb(0)) for key in ((0, 0), (0, 1), (1, 0), (1, 1)))
-        i = acb(0, 1)
-        # A_1 = (A_+ + A_-)/2, A_2 = (A_+ - A_-)/(2i)
-        return {"11": (a + b + c + d) / 2, "12": i * (a + c - b - d) / 2, "21": (a - c + b - d) / (2 * i), "22": (a - c - b + d) / 2}
+        return across({(r, c): values[name] for name, r, c in module.WEAK}, acb(0), acb(0, 1))
 
     one, two = entries(first.values), entries(second.values)
     scale = max((abs(value) for value in two.values()), default=arb(1))

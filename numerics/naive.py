@@ -309,11 +309,17 @@ class NestedFiner(Nested):
     degree = 4
 
 
+def context_of(digits: int) -> Any:
+    """Return a context of mpmath of its own, whose precision disturbs no other."""
+    context = mpmath.MPContext()  # type: ignore[attr-defined]
+    context.dps = digits
+    return context
+
+
 def evaluate_naively(text: str, kind: type[Naive], digits: int) -> tuple[Any, Any, dict[str, Any]]:
     """Return control, frequency (None when steady) and coefficients by name."""
     module = Module(text)
-    context = mpmath.MPContext()  # type: ignore[attr-defined]
-    context.dps = digits
+    context = context_of(digits)
     hopf = module.KIND == "hopf"
     if not module.SPATIAL:
         raise EvaluationError("found no space: without it every route is linear algebra, and there is no naive one")

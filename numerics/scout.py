@@ -94,12 +94,8 @@ def smooth(at: Callable[[Any], Any], centre: acb, half: acb, largest: arb) -> bo
     return False
 
 
-def scouted(module: Module, control: acb, frequency: acb, breaks: Sequence[Fraction]) -> tuple[Fraction, ...]:
-    """Return `breaks` with more between them, until every function of s is smooth on every panel; a few are left where that cannot be proved."""
-    try:
-        functions, left, right = functions_of(module, control, frequency)
-    except EvaluationError:
-        return tuple(breaks)
+def refined(functions: Sequence[Callable[[Any], Any]], left: acb, right: acb, breaks: Sequence[Fraction]) -> tuple[Fraction, ...]:
+    """Return `breaks` with more between them, until every function is smooth on every panel; a few are left where that cannot be proved."""
     found = set(breaks)
     for at in functions:
         values = [upper(number(at(left + (right - left) * exact(a + (b - a) * share)))) for a, b in zip(breaks, breaks[1:], strict=False) for share in SHARES]
@@ -113,6 +109,14 @@ def scouted(module: Module, control: acb, frequency: acb, breaks: Sequence[Fract
             found.add(middle)
             pending += [(a, middle), (middle, b)]
     return tuple(sorted(found))
+
+
+def scouted(module: Module, control: acb, frequency: acb, breaks: Sequence[Fraction]) -> tuple[Fraction, ...]:
+    """Return `breaks` refined for every function of s that the emitted text makes of coefficients alone."""
+    try:
+        return refined(*functions_of(module, control, frequency), breaks)
+    except EvaluationError:
+        return tuple(breaks)
 
 
 def refuse_narrow(emitted: str) -> None:
@@ -136,12 +140,11 @@ def finest_variation(module: Module) -> Fraction:
     if not module.SPATIAL:
         return Fraction(1)
     with working_precision(GOAL + 50):
-        control, frequency = acb(module.ONSET[0]), acb(module.ONSET[1] or 0)
-        breaks = scouted(module, control, frequency, (Fraction(0), Fraction(1)))
         try:
-            functions, left, right = functions_of(module, control, frequency)
+            functions, left, right = functions_of(module, acb(module.ONSET[0]), acb(module.ONSET[1] or 0))
         except EvaluationError:
             return Fraction(1)
+        breaks = refined(functions, left, right, (Fraction(0), Fraction(1)))
         finest = Fraction(1)
         for at in functions:
             panels = []
