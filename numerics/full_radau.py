@@ -129,20 +129,20 @@ class System:
         return np.array([self.grid.reading(k, 0) @ self.space.turn for k in self.rows.normalised])
 
     @cached_property
-    def between(self) -> list[tuple[int, int, int, Array]]:
-        """Return (jet, unknown, order in time, basis) at points between the nodes."""
+    def between(self) -> tuple[Array, list[tuple[int, int, int, Array]]]:
+        """Return points between the nodes, and (jet, unknown, order in time, basis) there."""
         grid = self.grid
         x = np.cos(np.pi * (np.arange(2 * grid.nodes) + 0.5) / (2 * grid.nodes)) if self.rows.spatial else np.zeros(1)
-        return [(j, k, dt, space_basis(self.rows.degree[k], grid.nodes, grid.length, x, ds)) for j, (k, ds, dt) in enumerate(self.rows.jets)]
+        bases = [(j, k, dt, space_basis(self.rows.degree[k], grid.nodes, grid.length, x, ds)) for j, (k, ds, dt) in enumerate(self.rows.jets)]
+        return grid.left + (x + 1) * grid.length / 2, bases
 
     def violation(self, values: Sequence[Array]) -> float:
         """Return the largest residual of the rows without time derivative between the nodes and at the ends, each by its largest coefficient (1 if that is smaller)."""
         grid, worst = self.grid, 0.0
-        x = np.cos(np.pi * (np.arange(2 * grid.nodes) + 0.5) / (2 * grid.nodes)) if self.rows.spatial else np.zeros(1)
-        s = grid.left + (x + 1) * grid.length / 2
+        s, bases = self.between
         states = [self.grid.unpack(self.space.turn[:, :len(one)] @ one, self.control, 0.0) for one in values]
         inner = self.rows.base(s, self.control)[0][:, :, None]
-        for j, k, dt, basis in self.between:
+        for j, k, dt, basis in bases:
             inner[:, j, 0] += basis @ states[dt].coefficients[k][:, 0]
         columns = [one[:, None] for one in values]
         for site in grid.sites:

@@ -1,17 +1,19 @@
 """Direct simulation of the full problem: against states found without time stepping, another integrator, and what the statement says."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from conftest import PROBLEMS, derivation_of, result_of
 from scipy.integrate import solve_ivp
+from scipy.optimize import least_squares
 
 from derive import load_problem
 from derive.cli import main
 from derive.residual import emit_residual
-from numerics import full_radau
+from numerics import full_motion, full_radau
 from numerics.full import solve_state
 from numerics.full_motion import consistent, simulate_full
 from numerics.full_radau import STAGES, Instant, Stepper, System
@@ -76,6 +78,65 @@ def test_beating_returns_after_its_period():
         assert np.abs(record.displacement[k] - record.displacement[0]).max() < 2e-8 * found.peak
     ellipse = ellipses(record, 2 * np.pi / found.frequency)
     assert np.allclose(ellipse["semi_major"], found.peak, rtol=1e-6) and not ellipse["semi_minor"].any() and not ellipse["sense"].any()
+
+
+def factor_of(series, length):
+    """Return by what factor what does not repeat in a series changes from one of the last three periods to the next."""
+    first, second, third = series[-3 * length:].reshape(3, length)
+    a, b = second - first, third - second
+    factor = (b @ a) / (a @ a)
+    assert np.linalg.norm(b - factor * a) < 2e-3 * np.linalg.norm(b)
+    return factor
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("mu", "exponent"), [(144.0, 21.50625), (150.0, -23.41716)])
+def test_beating_gains_stability_by_time_stepping_too(monkeypatch, mu, exponent):
+    """Far from onset, either side of the change at mu = 147.0019: a copy across the plane, a quarter of a period late, grows or decays at the rate of the Floquet exponent."""
+    monkeypatch.setattr(full_motion, "CONSTRAINT", 1e-4)  # the start is a truncated Fourier series
+    full = full_of("follower_force")
+    found = solve_state(emit_residual(load_problem("follower_force")), full.result, "beating", mu, 1e-9)
+    assert min(abs(one.value - exponent) for one in found.exponents) < 1e-3
+    shape, waves = found.shape, np.arange(1, found.shape.harmonics + 1)
+
+    def series(one, angle, order):
+        cosines, sines = np.cos(waves * angle), np.sin(waves * angle)
+        return ((one[:, :1].ravel() if order == 0 else 0) + (one[:, 1::2] @ (cosines if order == 0 else -waves * shape.omega * sines))
+                + one[:, 2::2] @ (sines if order == 0 else waves * shape.omega * cosines))[:, None]
+
+    start = []
+    for order in (0, 1):
+        now, late = ([series(one, angle, order) for one in shape.coefficients] for angle in (0.0, np.pi / 2))
+        turned = [-weight * late[k + weight] for k, weight in enumerate(full.rows.weight)]
+        start.append(State(coefficients=tuple(a + 1e-6 * b for a, b in zip(now, turned, strict=True)), nodes=shape.nodes, harmonics=0, control=shape.control, omega=0.0))
+    period = 2 * np.pi / found.frequency
+    times = np.linspace(0, 5 * period, 161)
+    plan = Plan(tolerance=1e-11, pieces=1, longest=times[1], first=times[1] / 50, short=1e-6 * times[1])
+    moved = simulate_full(System(full.rows, full.threshold + mu, found.nodes + 8), tuple(start), times, plan).displacement
+    across = moved @ np.linalg.svd(moved, full_matrices=False)[2][1]
+    assert np.log(factor_of(across[:-1], 32)) / period == pytest.approx(exponent, rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("mu", "exponent"), [(145.0, -20.67890 + 3012.40240j), (160.0, 26.50134 + 3349.74983j)])
+def test_whirling_loses_stability_by_time_stepping_too(mu, exponent):
+    """Either side of the change at mu = 152.1076: the radius of a start that belongs to another control oscillates, decaying or growing, as the exponent says."""
+    full = full_of("follower_force")
+    found, other = (solve_state(emit_residual(load_problem("follower_force")), full.result, "whirling", one, 1e-11) for one in (mu, mu + 0.004))
+    assert min(abs(one.value - exponent) for one in found.exponents) < 1e-4
+    start = tuple(replace(one, control=found.control) for one in start_on(full, other))
+    times = np.linspace(0, 6 * 2 * np.pi / found.frequency, 97)
+    plan = Plan(tolerance=1e-10, pieces=1, longest=times[1], first=times[1] / 50, short=1e-6 * times[1])
+    moved = simulate_full(System(full.rows, full.threshold + mu, found.nodes + 20), start, times, plan).displacement
+    late, radius = times[32:], np.linalg.norm(moved, axis=1)[32:] - found.peak
+    size = np.abs(radius).max()
+
+    def apart(p):
+        return radius / size - np.exp(p[0] * (late - late[0])) * (p[2] * np.cos(p[1] * late) + p[3] * np.sin(p[1] * late)) - p[4]
+
+    fits = [least_squares(apart, [0.0, 1.01 * exponent.imag, a, b, 0.0], x_scale=[10, 10, 1, 1, 1]) for a in (1, -1) for b in (1, -1)]
+    rate, frequency = min(fits, key=lambda one: one.cost).x[:2]
+    assert rate == pytest.approx(exponent.real, rel=1e-2) and frequency == pytest.approx(exponent.imag, rel=1e-4)
 
 
 def test_a_limit_cycle_is_kept_by_the_simulation():
