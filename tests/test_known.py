@@ -29,6 +29,9 @@ KNOWN = {
     # x'' - (m - r.r) x' + x = 0: 2i A' = i m A - i (2 (A.A*) A - (A.A) A*)
     "isotropic_vdp": ("0", {"dot(A,A)*conj(A)": ("0.5", "0"), "dot(A,conj(A))*A": ("-1", "0"), "mu*A": ("0.5", "0")}),
     "weak_iso": ("0", {"dot(A,A)*conj(A)": ("0.5", "0"), "dot(A,conj(A))*A": ("-1", "0"), "mu*A": ("0.5", "0"), "epsilon*dot(A,e1)*e1": ("0", "0.5")}),
+    # x'' + x + epsilon K x: 2 i A' = -epsilon K A, with no two entries of K alike
+    "weak_full": ("0", {"dot(A,A)*conj(A)": ("0.5", "0"), "dot(A,conj(A))*A": ("-1", "0"), "mu*A": ("0.5", "0"), "epsilon*dot(A,e1)*e1": ("0", "0.5"), "epsilon*dot(A,e2)*e1": ("0", "1"),
+                        "epsilon*dot(A,e1)*e2": ("0", "1.5"), "epsilon*dot(A,e2)*e2": ("0", "2.5")}),
     "weak_scalar": ("0", {"A**2*conj(A)": ("-0.5", "0"), "mu*A": ("0.5", "0"), "epsilon*A": ("0", Decimal(1) / 6)}),
     "vec_pitch": ("0", {"dot(A,A)*A": ("-1", "0"), "mu*A": ("1", "0")}),
     "zero_cubic": ("0", {"A**3": ("0", "0"), "mu*A": ("1", "0")}),
